@@ -21,7 +21,8 @@ from tqdm import tqdm
 from backlash import __version__
 from backlash.calibration import read_calibration
 from backlash.estimates import CANNOT_TELL, Estimate, examine
-from backlash.reading.batch import KEYS, TableOfLogs, called, escape, keys_of, options_of, read_rows
+from backlash.reading.batch import KEYS, called, escape, keys_of, options_of, read_rows
+from backlash.reading.batch import TableOfLogs as Table
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
 from backlash.settings import GIVEN, Given, Settings, settings_for
@@ -38,7 +39,7 @@ class Batch(NamedTuple):
     keys: pd.DataFrame
 
 
-def listed_logs(source: TableOfLogs, column: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: Table, column: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in a column of a table, and the table without it; a file's names are relative to it."""
     table = read_rows(source, column)
     if not isinstance(source, pd.DataFrame):
@@ -49,7 +50,7 @@ def listed_logs(source: TableOfLogs, column: str) -> tuple[list[Any], pd.DataFra
     return table.pop(column).tolist(), table
 
 
-def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
+def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
         if not isinstance(source, Sequence):
@@ -68,9 +69,10 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     settings: list[Settings | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
+            own = options_of(row)
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
+            own = {name: value for name, value in own.items() if name not in KEYS}
             settings.append(settings_for(log, {**given, **own}))
         except Refusal as refusal:
             settings.append(Refusal(f"{called(source)}, {Path(name_of(log)).name}: {refusal}"))
@@ -78,7 +80,7 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
 
 
 def estimate_many(
-    logs: Sequence[object] | TableOfLogs, *, jobs: int = -1, **given: Unpack[Given]
+    logs: Sequence[object] | Table, *, jobs: int = -1, **given: Unpack[Given]
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 

@@ -54,7 +54,9 @@ class Estimate:
     # ratio, motor inertia in the torque's unit, delay and lag; each with its SD.
     joint: dict[str, tuple[float, float]] | None = None
     turn_period_s: float | None = None  # of the load
+    speed_rps: float | None = None  # of the signal's side, in the mean
     samples: int = 0  # of the record that was used
+    arm_m: float | None = None  # at which the play is wanted, too
     columns: str = ""  # that were read, with their units
     notes: tuple[str, ...] = ()  # what was done and assumed
     sha256: str | None = None  # of the log file's bytes
@@ -100,7 +102,10 @@ class Estimate:
         if self.verdict == NONE:
             return f"no backlash (less than {high:.3f} mrad, half of the play)"
         told = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
-        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f})"
+        also = f"{60 * np.degrees(self.backlash_rad):.2f} arcmin"
+        if self.arm_m:
+            also += f", {1e3 * self.backlash_rad * self.arm_m:.3f} mm at {self.arm_m:g} m"
+        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
 
 
 def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
@@ -193,28 +198,26 @@ def examine(
 ) -> Estimate:
     """Answer for a log, wherever it comes from."""
     calibration = settings.calibration.provenance if settings.calibration else ""
-    answer = Estimate(name_of(log), method=settings.method, calibration=calibration)
+    answer = Estimate(
+        name_of(log), method=settings.method, calibration=calibration, arm_m=settings.arm_m
+    )
     try:
         read = open_log(log, settings.form, v, torque)
     except Refusal as refusal:
         if refusal.is_unusable:
             raise
-        return _refused(replace(answer, columns=refusal.columns), refusal)
+        return _refused(answer, refusal)
     answer = replace(
         answer,
         file=read.file,
         sha256=read.sha256,
         samples=read.recording.t.size,
         turn_period_s=read.recording.turn_period_s,
+        speed_rps=float(read.recording.v.mean()),
         columns=read.columns,
         notes=read.notes,
     )
     try:
-        if read.makes_strokes:
-            raise Refusal(
-                "the motor moves to and fro; the joint has to turn round, four turns or more in one direction",
-                Reason.NOT_CONSTANT_SPEED,
-            )
         read = _with_own_period(read)
         answer = replace(answer, turn_period_s=read.recording.turn_period_s, notes=read.notes)
         return _ANSWERS[settings.method](read, settings, answer)
@@ -225,7 +228,13 @@ def examine(
 def _refused(answer: Estimate, refusal: Refusal) -> Estimate:
     """The answer with the reason why there is none."""
     notes = (*answer.notes, *refusal.notes)
-    return replace(answer, reason=refusal.reason.value, explanation=refusal.sentence, notes=notes)
+    return replace(
+        answer,
+        reason=refusal.reason.value,
+        explanation=refusal.sentence,
+        columns=answer.columns or refusal.columns,
+        notes=notes,
+    )
 
 
 def _with_own_period(log: Log) -> Log:
@@ -265,7 +274,7 @@ def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimat
         fit = fit_torque(log.recording, log.torque, settings.load)
     except Refusal as refusal:
         raise Refusal(refusal.sentence, refusal.reason, notes=(str(settings.load),)) from refusal
-    if fit.is_none and log.form.gear_ratio == 1:
+    if fit.is_none and log.is_links_side:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
             Reason.JOINTS_SIDE,

@@ -1,6 +1,7 @@
 """The virtual sensor's command line: `backlash estimate`, `calibrate` and `trend`."""
 
 import errno
+import io
 import os
 import sys
 import traceback
@@ -25,6 +26,10 @@ def main(arguments: list[str] | None = None) -> int:
     if sys.stdout is None:
         print("the answer cannot be written (the standard output is closed)", file=sys.stderr)
         return DEFECT
+    os.environ["MPLBACKEND"] = "agg"  # plots are written to files, whatever the user's backend is
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
+            stream.reconfigure(errors="replace")
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)

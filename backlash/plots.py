@@ -31,7 +31,7 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
 
     @wraps(plot)
     def styled(*args) -> Figure:
-        with plt.style.context(_STYLE):
+        with plt.style.context(_STYLE, after_reset=True):
             figure = plot(*args)
             interactive = mpl.is_interactive()
         # A notebook's backend switches this on with its first figure; switched back, no other
@@ -45,7 +45,7 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure whole or not at all, the same bytes each time; it is closed."""
     content, ending = BytesIO(), path.suffix.lower()
-    with plt.style.context(_STYLE):
+    with plt.style.context(_STYLE, after_reset=True):
         figure.savefig(content, format=ending[1:], metadata=STAMPS[ending])
     plt.close(figure)
     write_bytes(path, content.getvalue())

@@ -1,7 +1,7 @@
 """What is given of logs, and how they are measured by it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from typing import Any, TypedDict
 
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from backlash.calibration import Calibration, example_calibration, read_calibration
 from backlash.load_data import LoadData, load_from_masses
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import LogFormat, is_positive
 from backlash.reading.prepare import Log
 from backlash.refusals import Refusal
 
@@ -19,7 +19,7 @@ _RATIOS = ("inertia_ratio", "gravity_per_s2")
 _SDS = ("inertia_sd", "gravity_sd")
 _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 _LOAD = (*_RATIOS, *_SDS, "motor_inertia_kgm2", *_MASSES)
-GIVEN = (*_FORM, *_LOAD, "calibration", "method")
+GIVEN = (*_FORM, *_LOAD, "calibration", "method", "arm_m")
 _OPTIONS = {
     "torque": "--torque",
     "gear_ratio": "--gear-ratio",
@@ -49,6 +49,7 @@ class Given(TypedDict, total=False):
     start_s: float | None
     end_s: float | None
     torque: str | ArrayLike | None
+    ring_hz: float | None
     inertia_ratio: float | None
     gravity_per_s2: float | None
     inertia_sd: float | None
@@ -59,6 +60,7 @@ class Given(TypedDict, total=False):
     load_inertia_kgm2: float | None
     calibration: Calibration | str | PathLike[str] | None
     method: str | None
+    arm_m: float | None
 
 
 @dataclass(frozen=True)
@@ -70,10 +72,18 @@ class Settings:
     load: LoadData | None = None  # of method "torque"
     calibration: Calibration | None = None  # of method "waveform"
     is_own: bool = True  # whether the calibration is of the log's own joint
+    arm_m: float | None = None  # at which the play is wanted in mm, too
 
 
 def settings_for(log: object, given: Mapping[str, Any]) -> Settings:
     """Settings of a log by the keywords of `estimate`; by default the best method that these allow."""
+    arm_m = given.get("arm_m")
+    if arm_m is not None and not is_positive(arm_m):
+        raise Refusal(f"--arm {arm_m!r}: give a length above 0 [m]")
+    return replace(_settings_for(log, given), arm_m=arm_m)
+
+
+def _settings_for(log: object, given: Mapping[str, Any]) -> Settings:
     if unknown := sorted(set(given) - set(GIVEN)):
         raise TypeError(f"no parameter {unknown[0]!r}; there are {', '.join(GIVEN)}")
     given = {name: value for name, value in given.items() if value is not None}

@@ -19,7 +19,7 @@ from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__, batch
 from backlash.calibration import MISMATCH, MOST_RAD
-from backlash.reading.batch import KEYS, read_rows
+from backlash.reading.batch import read_rows
 from backlash.reading.columns import is_positive
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, one_line
@@ -216,7 +216,7 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    table = read_rows(answers, *KEYS, "file", "verdict", "backlash_high_rad")
+    table = read_rows(answers, *batch.KEYS, "file", "verdict", "backlash_high_rad")
     trends: dict[str, Trend | Refusal] = {}
     for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:
@@ -343,10 +343,12 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
     columns = ["date", "file", f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"]
     used = answers[(answers[columns[2]] > 0) & answers[columns].notna().all(axis=1)]
     used = used.sort_values(["date", "file"], ignore_index=True)
-    turns = used["turn_period_s"]
-    if relative and turns.max() > (1 + MISMATCH) * turns.min():
-        found = f"turns of {turns.min():.4g} to {turns.max():.4g} s"
-        raise Refusal(f"{found}: amplitudes are only comparable between logs of one movement")
+    for name, unit in (("turn_period_s", "s a turn"), ("speed_rps", "rps")):
+        values = used[name]
+        if relative and values.max() > (1 + MISMATCH) * values.min():
+            other = used["file"][(values / values.median() - 1).abs().idxmax()]
+            what = f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others"
+            raise Refusal(f"{what}: amplitudes are only comparable between logs of one movement")
     points = used[columns].set_axis(["date", "file", "value", "low", "high"], axis=1)
     if relative and len(points):
         points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]

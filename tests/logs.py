@@ -15,8 +15,8 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.refusals import Refusal
-from replication.records import Recording
 from replication.joint import identified_joint, simulate
+from replication.records import Recording
 
 TURN = LogFormat(turn_period_s=0.4)
 

@@ -14,7 +14,7 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from replication import published
+from replication import published, table2
 from replication.files import ROOT, write_json, write_text
 from workbook import evidence, judging
 from workbook.outcomes import load_outcomes
@@ -25,14 +25,14 @@ WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight",
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "matplotlib")
-NOT_COMPUTED = "(not computed)"
 
 
 class Facts(dict):
-    """Numbers that notebooks export for the text, by name; one that is missing shows as such."""
+    """Numbers that notebooks export for the text, by name; without one of them a sentence is left out."""
 
-    def __missing__(self, name: str) -> str:
-        return NOT_COMPUTED
+    def has(self, *names: str) -> bool:
+        """Whether all of some facts are there."""
+        return set(names) <= set(self)
 
 
 # ------------------------------------------------------------------------------------------------- numbers in words
@@ -109,7 +109,8 @@ def count_seconds(cells: pd.DataFrame) -> pd.Series:
     """Seconds of the notebooks that made an element's numbers, on the machine of `notebook_times.csv`."""
     seconds = pd.read_csv(ROOT / "results" / "notebook_times.csv").set_index("notebook")["seconds"]
     made = cells.loc[cells["notebook"] != "", ["element", "notebook"]].drop_duplicates()
-    return made.assign(seconds=made["notebook"].map(seconds)).groupby("element")["seconds"].sum()
+    timed = made.assign(seconds=made["notebook"].map(seconds)).dropna()
+    return timed.groupby("element")["seconds"].sum()
 
 
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -160,6 +161,7 @@ def describe(results: Path) -> dict[str, Any]:
         "evidence": evidence.table2_evidence(evidence.read_realisations(ROOT / "results")),
         "hardware": describe_hardware(ROOT / "results"),
         "claims": judging.decided_claims(results).set_index("id"),
+        "populations": [settings.population for settings in table2.SETTINGS],
         "changed": (published.table("claims")["changed"] == "yes").sum(),
         "errata": published.table("errata").reset_index().to_dict("records"),
         "sources": judging.SOURCES,

@@ -3,7 +3,7 @@
 #
 # *You will see that a search with a stored seed is the stored run, generation by generation, where
 # it is not, and how far other seeds and another version of the library move a mean. Run time: 45 s.
-# Before this: notebook [7](../07_protocol_table1.ipynb).*
+# Before this: notebook [7](../07_search_table1.ipynb).*
 #
 # ## Claim
 #

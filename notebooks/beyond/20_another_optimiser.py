@@ -3,7 +3,7 @@
 #
 # *You will see how often CMA-ES, swarms and classical methods find the best fit, what a success
 # costs, and how to try an optimiser of your own. Run time: 15 s. Before this: notebooks
-# [7](../07_protocol_table1.ipynb) and [8](../08_noise_table2.ipynb).*
+# [7](../07_search_table1.ipynb) and [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #

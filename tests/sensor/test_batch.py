@@ -46,8 +46,8 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(plant):
     rows.to_csv(plant, index=False)
     answers = backlash.estimate_many(plant, method="waveform")
     assert (answers["verdict"] == "backlash").tolist() == [True, False, False]
-    assert "'?' is no number" in answers["explanation"].iloc[1]
-    assert "give yes or no" in answers["explanation"].iloc[2]
+    assert "turn_period_s is '?', no number" in answers["explanation"].iloc[1]
+    assert "neither yes nor no" in answers["explanation"].iloc[2]
 
 
 def test_a_column_that_means_nothing_is_refused(plant):

@@ -116,7 +116,7 @@ def test_a_log_without_a_date_is_refused(tmp_path):
     with pytest.raises(Refusal, match="no date in its name"):
         trend_line.dates_of([tmp_path / "log_2024-13-45.csv"])
     for rows, why in (
-        ("file,when\na,2020\n", "columns file and date"),
+        ("file,when\na,2020\n", "no column 'date'"),
         ("file,date\nother.csv,2020-01-01\n", "no date in"),
     ):
         table = file(tmp_path, rows, "dates.csv")

@@ -1,0 +1,74 @@
+"""The compiled cost is the equations' cost, and the projection is least squares."""
+
+import numpy as np
+import pytest
+
+from replication.misfit import cost, fold, population_rmse, project
+from replication.signature import MOVEMENT, Parameters, Timing, h, rmse, table1_box
+
+TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
+
+
+def make_record(t, noise=0.1):
+    rng = np.random.default_rng(1)
+    return 100 + h(t, TRUE) + rng.uniform(-noise, noise, t.size)
+
+
+def draw_members(t, v, number=300):
+    rng = np.random.default_rng(2)
+    box = table1_box(t, v, 1.3)
+    members = rng.uniform(*box, (number, 7))
+    members[::4, 6], members[::4, 5] = 0.001, 0.2035  # windows that overlap the next one
+    members[::3, 1] = t[0] + 0.1 * (members[::3, 1] - t[0])  # that lie in the record
+    return members
+
+
+@pytest.mark.parametrize("timing", [MOVEMENT, Timing(0.204, 0.408, 12), Timing(0.1, 0.4, 3)])
+@pytest.mark.parametrize("begin", [0.0, 1.3])
+def test_the_compiled_cost_is_that_of_equations_5_to_7_and_11(timing, begin):
+    t = begin + 0.002 * np.arange(2401)
+    v = make_record(t - begin)
+    members = draw_members(t, v)
+    expected = [rmse(t, v, X, timing) for X in members]
+    np.testing.assert_allclose(population_rmse(members, fold(t, v, timing)), expected, rtol=1e-11)
+
+
+def test_a_record_that_cannot_be_folded_is_fitted_by_the_equations_themselves():
+    even = 0.002 * np.arange(1200)
+    for t, timing in [
+        (even + 1e-5 * np.sin(even), MOVEMENT),
+        (even, Timing(0.2005, 0.401, 6)),
+        (even, Timing(0.4, 0.4, 6)),
+    ]:
+        v = make_record(t)
+        members = draw_members(t, v, 5)
+        assert fold(t, v, timing) is None
+        expected = [rmse(t, v, X, timing) for X in members]
+        np.testing.assert_array_equal(cost(t, v, timing)(members), expected)
+
+
+def test_a_record_without_noise_leaves_no_misfit_at_its_own_parameters():
+    t = 0.002 * np.arange(2401)
+    assert cost(t, make_record(t, noise=0), MOVEMENT)(np.array([TRUE])) < 1e-7
+
+
+def test_the_projection_gives_the_least_misfit_over_A_and_v_t():
+    t = 0.002 * np.arange(2401)
+    v = make_record(t)
+    members = draw_members(t, v, 20)
+    record = fold(t, v, MOVEMENT)
+    projected, misfits = project(members, record, largest_A=5.0)
+    np.testing.assert_allclose(population_rmse(projected, record), misfits, rtol=1e-9)
+    for X, projection in zip(members, projected, strict=True):
+        u = h(t, Parameters(*X)._replace(A=1.0))
+        columns = np.column_stack((u, np.ones(t.size)))
+        (A, v_t), *_ = np.linalg.lstsq(columns, v, rcond=None)
+        if np.any(u):
+            assert projection[[0, 4]] == pytest.approx([A, v_t], rel=1e-7)
+
+
+def test_the_projected_A_stays_within_its_bound():
+    t = 0.002 * np.arange(2401)
+    record = fold(t, make_record(t), MOVEMENT)
+    (projected,), _ = project(np.array([TRUE]), record, largest_A=0.1)
+    assert projected[0] == -0.1
