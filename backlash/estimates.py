@@ -206,7 +206,7 @@ def examine(
     except Refusal as refusal:
         if refusal.is_unusable:
             raise
-        return _refused(answer, refusal)
+        return _refused(replace(answer, columns=refusal.columns), refusal)
     answer = replace(
         answer,
         file=read.file,
