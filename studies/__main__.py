@@ -9,14 +9,6 @@ from replication.files import ROOT, write_csv, write_json, write_text
 from replication.processors import pinned_environment
 
 RESULTS = ROOT / "results"
-SENSOR_DATA = ROOT / "backlash" / "data"
-
-
-def write_calibrations() -> None:
-    """The sensor's default calibrations anew, into backlash/data/default_calibrations.json."""
-    from studies.calibrations import compute_defaults
-
-    write_json(SENSOR_DATA / "default_calibrations.json", compute_defaults())
 
 
 def write_claims() -> None:
@@ -30,7 +22,7 @@ def write_claims() -> None:
 
 
 def write_hardware() -> None:
-    """What the sensor would see on twins of logs of real joints, into results/hardware.csv."""
+    """What the sensor says of logs of real joints, and the loss in their gears, into results/hardware.csv."""
     from studies import hardware
 
     write_csv(RESULTS / "hardware.csv", hardware.measure_all())
@@ -52,30 +44,13 @@ def write_noise() -> None:
 
 
 def write_datasheet() -> None:
-    """What the sensor says of simulated joints, once with a new seed: results/datasheet.csv and a row of its rounds."""
-    from pandas import DataFrame, concat, read_csv
-
+    """What the sensor says of simulated joints, once with a new seed, into results/datasheet.csv and its page."""
     from studies import datasheet
 
-    sheet = datasheet.summarise_sensor(datasheet.measure_sensor(datasheet.SIZES, datasheet.SEED))
+    sheet = datasheet.summarise(datasheet.measure_all())
     write_csv(RESULTS / "datasheet.csv", sheet)
-    bars = datasheet.against_criteria(sheet)
-    print(bars.to_string(index=False))
-    this = {"seed": datasheet.SEED, "met": bars["met"].sum(), "criteria": len(bars)}
-    path = RESULTS / "datasheet_rounds.csv"
-    write_csv(path, concat([read_csv(path), DataFrame([this])], ignore_index=True))
-
-
-def write_population() -> None:
-    """Every method on joints that nobody calibrated, into results/population_logs.csv and the sensor's data."""
-    from pandas import concat
-
-    from studies import population
-
-    drawn = population.measure_population(*population.SPREAD_STUDY)
-    write_csv(SENSOR_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
-    measured = [population.measure_population(*study) for study in population.FINAL_STUDIES]
-    write_csv(RESULTS / "population_logs.csv", concat(measured, ignore_index=True))
+    write_text(ROOT / "notebooks" / "datasheet.md", datasheet.write_page(sheet))
+    print(sheet.to_string(index=False))
 
 
 def write_prediction() -> None:
@@ -95,13 +70,11 @@ def write_protocols() -> None:
 
 
 STUDIES = {
-    "calibrations": write_calibrations,
     "claims": write_claims,
     "datasheet": write_datasheet,
     "hardware": write_hardware,
     "identify-joint": write_joint,
     "noise": write_noise,
-    "population": write_population,
     "prediction": write_prediction,
     "protocols": write_protocols,
 }

@@ -5,11 +5,11 @@ from collections.abc import Iterable, Sequence
 from itertools import product
 from operator import attrgetter
 
+import numba
 import numpy as np
 import pandas as pd
 
 from replication import joint as simulator
-from replication import njit
 from replication.identification import FIT_LEVELS, errors_in_turn, identify_joint
 from replication.joint import TURN, Joint, identified_joint, ratios, settled_peak, simulate
 from replication.records import load_clean_records
@@ -36,7 +36,7 @@ def refit_alphas() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-@njit
+@numba.njit  # not cached: it holds functions of another file
 def _plain_steps(y, speeds, lead_steps, delta, step, j):
     """Fill in the speeds at the drive's periods, by steps that do not look for a contact."""
     memory = np.array([y[4], 0.0, 0.0, y[0]])

@@ -14,7 +14,7 @@ import numpy as np
 from pandas import DataFrame
 from scipy import optimize, stats
 
-from backlash.fitting.global_fit import global_fit
+from replication.table2 import best_fit
 from replication.arrays import FloatArray
 from replication.cmaes import generations
 from replication.parallel import in_parallel
@@ -215,7 +215,7 @@ def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
 def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
     """Found is the best basin: within `BASIN_GAP` of the global fit's misfit."""
     recording = load_noisy(level, realisation)
-    best = global_fit(recording).rmse
+    best = best_fit(recording).rmse
     run = run_method(method, recording, best * (1 + BASIN_GAP), BUDGET, seed)
     return {
         "method": method,

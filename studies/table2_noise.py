@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 from pandas import DataFrame, Series, concat
 
-from backlash.fitting.global_fit import global_fit
+from replication.table2 import best_fit
 from replication import published
 from replication.arrays import FloatArray
 from replication.parallel import in_parallel
@@ -97,7 +97,7 @@ def drawn_starts(
         part = from_sample(record, int(start))
         run = FIT(part, protocol, int(rng.integers(1, 2**31)))
         A.append(run.amplitude_rps)
-        best.append(run.rmse <= global_fit(part, protocol).rmse * (1 + BASIN_GAP))
+        best.append(run.rmse <= best_fit(part, protocol).rmse * (1 + BASIN_GAP))
     return {
         "protocol": protocol.name,
         "row": row,
@@ -183,6 +183,6 @@ def distances(own_noises: int) -> DataFrame:
         ]
     printed = protocols.printed()[0]
     calls = [(record, LEADER) for of_rows in records.values() for record in of_rows]
-    A = [fit.amplitude_rps for fit in in_parallel(global_fit, calls, "global fits")]
+    A = [fit.amplitude_rps for fit in in_parallel(best_fit, calls, "global fits")]
     off = 100 * (np.reshape(A, (-1, printed.size)) / printed - 1)
     return DataFrame(off, records, protocols.ROWS).rename_axis("noise").reset_index()

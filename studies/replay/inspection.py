@@ -6,7 +6,7 @@ from scipy import signal, stats
 from replication.arrays import FloatArray
 from replication.records import LOW_NOISE, Recording
 from replication.records import load_clean, load_noisy
-from replication.table2 import table2_levels
+from replication.table2 import LEVELS
 
 # Parameters of a stored run, in `signature.FREE_PARAMETERS` order.
 STORED_NAMES = (
@@ -67,7 +67,7 @@ def noise_amplitudes() -> FloatArray:
     Half the range of what was added to the clean record; where that is not public, from the
     variance about the mean of the five realisations, which is a twelfth of the squared range.
     """
-    first, *public = table2_levels()
+    first, *public = LEVELS
     variance = np.var([load_noisy(first, R).v for R in LOW_NOISE], axis=0, ddof=1)
     ranges = [np.ptp([added_noise(level, R) for R in LOW_NOISE]) for level in public]
     return np.array([np.sqrt(12 * variance.mean()), *ranges]) / 2

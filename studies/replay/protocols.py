@@ -31,17 +31,15 @@ from replication import published, table2
 from replication.arrays import FloatArray, IntArray
 from replication.files import ROOT
 from replication.parallel import in_parallel
-from replication.records import Recording, constant_speed, from_sample, uniform_noise
-from replication.simulator.parameters import identified_joint
-from replication.simulator.recordings import simulate_recordings
-from replication.records import load_clean
-from replication.table2 import (
-    SearchSettings,
-    basin_labels,
-    prediction_interval,
-    table2_levels,
-    theoretical_amplitudes,
+from replication.records import (
+    Recording,
+    constant_speed,
+    from_sample,
+    load_clean,
+    simulate_clean,
+    uniform_noise,
 )
+from replication.table2 import SearchSettings, basin_labels, prediction_interval, table2_levels
 from studies.replay.eigen import symmetric_eigen
 
 ROWS = range(1, 11)
@@ -78,7 +76,7 @@ def clean_record(row: int) -> Recording:
     level = table2_levels()[row - 1]
     if row > 1:
         return load_clean(level)
-    return simulate_recordings(identified_joint(), [next(iter(theoretical_amplitudes()))])[0]
+    return simulate_clean(level)
 
 
 def _seeds(row: int, realisation: int, base_seed: int) -> list[np.random.SeedSequence]:
