@@ -35,14 +35,6 @@ def write_joint() -> None:
     write_json(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
 
 
-def write_noise() -> None:
-    """Distances of many noises, and drawn starts: results/table2_distances.csv and results/table2_drawn_starts.csv."""
-    from studies import table2_noise
-
-    write_csv(RESULTS / "table2_distances.csv", table2_noise.distances(own_noises=150))
-    write_csv(RESULTS / "table2_drawn_starts.csv", table2_noise.run_drawn_starts(runs=60))
-
-
 def write_datasheet() -> None:
     """What the sensor says of simulated joints, once with a new seed, into results/datasheet.csv and its page."""
     from studies import datasheet
@@ -54,19 +46,17 @@ def write_datasheet() -> None:
 
 
 def write_prediction() -> None:
-    """The prediction of `table2_noise`, whichever way it falls, into results/table2_prediction.csv."""
-    from studies import table2_noise
+    """The prediction of Table 2, whichever way it falls, into results/table2_prediction.csv."""
+    from studies import prediction
 
-    table = table2_noise.run_prediction()
-    write_csv(RESULTS / "table2_prediction.csv", table)
-    print("rows not as predicted:", table2_noise.failed_predictions(table))
+    write_csv(RESULTS / "table2_prediction.csv", prediction.run_prediction())
 
 
-def write_protocols() -> None:
-    """Realisations of every protocol that may have printed Table 2, into results/table2_realisations.csv."""
-    from studies.replay import protocols
+def write_realisations() -> None:
+    """Table 2 again and again under each of its settings, into results/table2_realisations.csv; it resumes."""
+    from replication import table2
 
-    write_csv(protocols.REALISATIONS, protocols.realise_all())
+    table2.make_realisations()
 
 
 STUDIES = {
@@ -74,12 +64,11 @@ STUDIES = {
     "datasheet": write_datasheet,
     "hardware": write_hardware,
     "identify-joint": write_joint,
-    "noise": write_noise,
     "prediction": write_prediction,
-    "protocols": write_protocols,
+    "realisations": write_realisations,
 }
 # Slow tests run some of these again, and have to find the same digits.
-PINNED = ("hardware", "noise", "prediction", "protocols")
+PINNED = ("hardware", "prediction", "realisations")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -34,6 +34,7 @@ def test_a_small_population_misses_the_lowest_misfit_more_often_and_the_verdict_
         ("03", {"changes": {"G/J_l": 0.0}}),
         ("03", {"changes": {"K_p": 50.0}}),
         ("04", {"changes": {"J_m": 0.0}}),
+        ("04", {"changes": {"G": 0.0}}),
         ("05", {"cost": lambda residual: 0.0}),
         ("05", {"cost": lambda one, two, three, four: one}),
         ("05", {"more_bounds": [(1.0,)]}),

@@ -8,8 +8,8 @@ is taken in order, without BLAS.
 
 import numpy as np
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 EPSILON = 2.0**-53  # relative rounding error
 TINY = 2.0**-1022  # smallest normal number
@@ -31,7 +31,7 @@ def length(x, y):
     return long if short == 0.0 else long * np.sqrt(1 + (short / long) ** 2)
 
 
-@njit(inner=True)
+@njit
 def dot(x, y):
     """Sum of products, in order."""
     total = 0.0

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.replay.eigen import symmetric_eigen
+from studies.eigen import symmetric_eigen
 
 # Small integer matrices with the signs of their eigenvectors from NumPy 1.23.5 (LAPACK 3.9), which differ from those of
 # NumPy 2.4 in at least one column.
