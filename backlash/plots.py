@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from backlash.estimates import Estimate
 from backlash.refusals import one_line
-from backlash.trend import Trend, growth_over_time
+from backlash.trends import Trend, growth_over_time
 from replication.files import write_bytes
 
 _SHOWN_TURNS = 3
