@@ -1,9 +1,9 @@
-"""The virtual sensor for backlash on an engineer's own logs, and what goes beyond the paper.
+"""The virtual sensor for backlash on an engineer's own logs.
 
-In three lines, with time [s] and motor speed [rps] as arrays, a table, or a log file::
+With time [s], motor speed [rps] and motor torque as arrays, or a table, or a log file::
 
     import backlash
-    answer = backlash.estimate(t, v, turn_period_s=0.4)
+    answer = backlash.estimate(t, v, torque=torque, gear_ratio=100, inertia_ratio=2.0, gravity_per_s2=30.0)
     print(answer.verdict, answer.backlash_rad, answer.backlash_interval_rad)
 """
 
@@ -12,16 +12,17 @@ from importlib import import_module
 __version__ = "0.1.0"
 _MODULE_OF = {
     "Calibration": "calibration",
-    "Estimate": "answers",
+    "Estimate": "estimates",
     "Log": "reading.prepare",
-    "Trend": "trend_line",
+    "Reason": "refusals",
     "Refusal": "refusals",
-    "calibrate": "interface",
-    "estimate": "interface",
-    "estimate_many": "plant",
-    "read_log": "interface",
-    "trend": "interface",
-    "trend_many": "plant",
+    "Trend": "trends",
+    "calibrate": "estimates",
+    "estimate": "estimates",
+    "estimate_many": "batch",
+    "read_log": "estimates",
+    "trend": "trends",
+    "trend_many": "trends",
 }
 __all__ = list(_MODULE_OF)
 

@@ -5,117 +5,89 @@ import json
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from backlash import fleet, interface, plant
-from backlash.answers import Estimate
+from backlash import batch, estimates, trends
 from backlash.calibration import read_calibration
-from backlash.endings import UNWRITABLE, ends_on_interrupt
-from backlash.examine import examine
-from backlash.reading.columns import SAID, numbers
+from backlash.estimates import Estimate
+from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
-from backlash.settings import MEASURING, Settings
-from replication import compiling
-from replication.files import write_bytes, write_csv, write_text
+from backlash.settings import GIVEN
+from replication.records import write_bytes, write_csv, write_text
 
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
-_OURS = (
-    b"total_play_high_rad",
-    b'"uncertainty_rad"',
-)  # stand near the start or the end of what --out writes
-_ENDS = 2**16
+_OURS = ("total_play_high_rad", '"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
 
-def _words(options: argparse.Namespace) -> dict[str, Any]:
-    """What the options say of the logs and of measuring, as `interface` takes it."""
-    words = {
-        name: value
-        for name in (*SAID, *MEASURING)
-        if (value := getattr(options, name, None)) is not None
-    }
-    if "calibration" in words:
-        words["calibration"] = read_calibration(words["calibration"])
-    return words
+def _given(options: argparse.Namespace) -> dict[str, Any]:
+    """Keywords of `estimate` by the options; a calibration is read once."""
+    given = {name: getattr(options, name, None) for name in GIVEN}
+    given["calibration"] = read_calibration(given["calibration"])
+    return {name: value for name, value in given.items() if value is not None}
 
 
-def _begin(options: argparse.Namespace, logs: Sequence[Path]) -> None:
-    """Refuse an output that would overwrite an input; say that the first command on a machine takes long."""
-    given = (
-        *logs,
-        *(vars(options).get(name) for name in ("batch", "calibration", "table", "dates")),
-    )
-    inputs = {os.path.realpath(path) for path in given if path}
-    for option in ("out", "plot", "plots"):
-        output = getattr(options, option, None)
-        if output and os.path.realpath(output) in inputs:
-            raise Refusal(f"--{option} {output}: that is one of the inputs; name another file")
-    if compiling.is_empty():
-        what = "the first command on this machine may compile, some ten seconds"
-        print(what, file=sys.stderr, flush=True)
-
-
-def _check_output(path: Path | None, endings: Sequence[str], option: str) -> None:
-    """Refuse an output that could not be written, before the work is done."""
+def _check_output(options: argparse.Namespace, option: str, endings: Sequence[str]) -> None:
+    """Refuse an output that could not be written, or would overwrite an input, before the work is done."""
+    path: Path | None = getattr(options, option, None)
     if not path:
         return
+    names = [*getattr(options, "log", []), *map(options.__dict__.get, ("batch", "calibration"))]
+    names += map(options.__dict__.get, ("table", "dates"))
+    if os.path.realpath(path) in {os.path.realpath(name) for name in names if name}:
+        raise Refusal(f"--{option} {path}: that is one of the inputs; name another file")
     if path.suffix.lower() not in endings:
-        raise Refusal(f"{option} {path}: its name must end in {' or '.join(endings)}")
+        raise Refusal(f"--{option} {path}: its name must end in {' or '.join(endings)}")
     if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
         raise Refusal(
-            f"{option} {path}: cannot be written there; name a file in a folder that you may write to"
+            f"--{option} {path}: cannot be written there; name a file in a folder that you may write to"
         )
-    if option == "--out" and path.exists() and not _is_ours(path):
+    if option == "out" and path.exists() and not _is_ours(path):
         raise Refusal(f"--out {path}: that file is not of this command; name another, or remove it")
     if path.suffix.lower() == ".parquet":
         library("pyarrow", "parquet")
-    if option == "--plot":
+    if option == "plot":
         library("matplotlib", "plot")
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file is a table or a calibration that --out wrote."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        ends = file.read(_ENDS)
-        file.seek(max(path.stat().st_size - _ENDS, 0))
-        ends += file.read(_ENDS)
+    """Whether a file is a table or a calibration that --out wrote, by its start and its end."""
+    content = path.read_bytes()
+    ends = (content[: 2**16] + content[-(2**16) :]).decode("utf-8", "replace")
     return any(mark in ends for mark in _OURS)
 
 
-def _print_answer(as_json: bool, content: object, text: str) -> None:
-    print(json.dumps(content, indent=1, allow_nan=False) if as_json else text)
+def _as_json(content: object, indent: int | None = 1) -> str:
+    return json.dumps(content, indent=indent, allow_nan=False)
 
 
 def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
-    _check_output(options.plot, _FIGURES, "--plot")
-    _check_output(options.out, (".csv", ".parquet"), "--out")
+    _check_output(options, "plot", _FIGURES)
+    _check_output(options, "out", (".csv", ".parquet"))
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
     earlier = options.out if options.out and options.out.exists() else None
-    batch = plant.read_batch(
-        options.batch or fleet.find_logs(options.log, earlier), _words(options)
-    )
-    logs = batch.logs
-    if Path(STDIN) in logs and (len(logs) > 1 or options.out):
+    source = options.batch or batch.find_logs(options.log, earlier)
+    logs = batch.read_batch(source, _given(options))
+    count = len(logs.logs)
+    if Path(STDIN) in logs.logs and (count > 1 or options.out):
         raise Refusal("- (the standard input) goes alone, and without --out")
-    if options.plot and len(logs) > 1:
-        raise Refusal(f"--plot: {len(logs)} logs; it shows one, --plots FOLDER each")
-    _begin(options, logs)
+    if options.plot and count > 1:
+        raise Refusal(f"--plot: {count} logs; it shows one, --plots FOLDER each")
     if options.plots:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
-    if len(logs) == 1 and not (options.out or options.plots) and batch.keys.columns.empty:
-        answers = [_estimate_one(logs[0], batch.settings[0], options)]
+    if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
+        answers = [_estimate_one(logs, options)]
     else:
-        answers = _estimate_many(batch, options)
+        answers = _estimate_many(logs, options)
     is_met = any(
         answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
         for answer in answers
@@ -126,7 +98,7 @@ def run_estimate(options: argparse.Namespace) -> int:
 
 def _failures(text: str | None) -> list[tuple[str, float]]:
     """Verdicts of --fail-on, each with the backlash [rad] above which it counts."""
-    found = []
+    failures = []
     for term in text.split(",") if text is not None else ():
         match = _FAIL_ON.fullmatch(term.strip())
         if not match:
@@ -134,109 +106,104 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
                 f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
             )
         verdict = (match[1] or "backlash").replace("-", " ")
-        found.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
-    return found
+        failures.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
+    return failures
 
 
-def _estimate_one(log: Path, settings: Settings | Refusal, options: argparse.Namespace) -> Estimate:
-    for_programs = options.json or options.jsonl
-    if for_programs:
-        examined = fleet.examine_or_refuse(log, settings)
+def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
+    [log], [settings] = logs.logs, logs.settings
+    if options.json or options.jsonl:
+        answer = batch.examine_or_refuse(log, settings)
     elif isinstance(settings, Refusal):
         raise settings
     else:
-        examined = examine(log, settings)
-    answer = examined.estimate
-    if options.plot and not fleet.plot(examined, options.plot):
+        answer = estimates.examine(log, settings)
+    if options.plot and answer.trace:
+        from backlash import plots
+
+        plots.save_figure(plots.estimate_figure(answer), options.plot)
+    elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
     if options.jsonl:
-        _print_line(answer.to_dict())
+        print(_as_json(answer.to_dict(), None))
     else:
-        _print_answer(options.json, [answer.to_dict()], str(answer))
-    if why := fleet.unusable(answer):
-        raise Refusal(why)
+        print(_as_json([answer.to_dict()]) if options.json else answer)
+    if batch.is_unusable(answer):
+        raise Refusal(answer.explanation)
     return answer
 
 
-def _print_line(content: dict[str, object]) -> None:
-    print(json.dumps(content, allow_nan=False), flush=True)
-
-
-def _estimate_many(batch: plant.Batch, options: argparse.Namespace) -> list[Estimate]:
-    kept = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    found: dict[int, Estimate] = {}
-    keys = batch.keys.astype("string").fillna("").to_dict("records")
-    try:
-        with ends_on_interrupt(f"; the same command goes on from {kept}" if kept else ""):
-            each = fleet.run_fleet(batch.logs, batch.settings, options.jobs, kept, options.plots)
-            for number, answer in each:
-                found[number] = answer
-                if options.jsonl:
-                    _print_line(keys[number] | answer.to_dict())
-        answers = [found[number] for number in sorted(found)]
-        bad = [why for answer in answers if (why := fleet.unusable(answer))]
-        if options.out and len(bad) < len(found):
-            table = batch.keys.join(fleet.as_table(answers))
-            if options.out.suffix.lower() == ".parquet":
-                write_bytes(options.out, table.to_parquet(index=False))
-            else:
-                write_csv(options.out, table)
-    except OSError as error:
-        if not found or error.errno not in UNWRITABLE:
-            raise
-        _print_all(keys, found)
-        what = f"{error.strerror}: {len(found)} of {len(batch.logs)} answers are printed instead"
-        raise OSError(error.errno, what) from error
-    if kept:
-        kept.unlink(missing_ok=True)
+def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
+    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
+    keys = logs.keys.astype("string").fillna("").to_dict("records")
+    draw = partial(_draw, options.plots) if options.plots else None
+    answers: dict[int, Estimate] = {}
+    for number, answer in batch.run_batch(logs, options.jobs, journal, draw):
+        answers[number] = answer
+        if options.jsonl:
+            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
+    in_order = [answers[number] for number in sorted(answers)]
+    bad = [answer for answer in in_order if batch.is_unusable(answer)]
+    if options.out and len(bad) < len(in_order):
+        table = logs.keys.join(batch.as_table(in_order))
+        if options.out.suffix.lower() == ".parquet":
+            write_bytes(options.out, table.to_parquet(index=False))
+        else:
+            write_csv(options.out, table)
+    if journal:
+        journal.unlink(missing_ok=True)
     if options.json:
-        _print_all(keys, found)
-    if len(bad) == len(answers):
-        raise Refusal(f"none of {len(bad)} logs is usable; the first: {bad[0]}")
+        print(_as_json([keys[k] | answers[k].to_dict() for k in sorted(answers)]))
+    if len(bad) == len(in_order):
+        raise Refusal(f"none of {len(bad)} logs is usable; the first: {bad[0].explanation}")
     if bad:
         print(
-            f"{len(bad)} of {len(answers)} logs are not usable; their rows say why", file=sys.stderr
+            f"{len(bad)} of {len(in_order)} logs are not usable; their rows say why",
+            file=sys.stderr,
         )
     if not (options.json or options.jsonl or options.out):
-        print(*answers, sep="\n")
-    return answers
+        print(*in_order, sep="\n")
+    return in_order
 
 
-def _print_all(keys: Sequence[dict], found: Mapping[int, Estimate]) -> None:
-    """Print answers as JSON, with their joints and dates."""
-    _print_answer(True, [keys[k] | found[k].to_dict() for k in sorted(found)], "")
-    sys.stdout.flush()
+def _draw(folder: Path, name: str, answer: Estimate) -> None:
+    from backlash.plots import estimate_figure, save_figure
+
+    save_figure(estimate_figure(answer), folder / name)
 
 
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
-    _check_output(options.out, (".json",), "--out")
-    words = _words(options)
-    interface.settings_of(None, words)  # refuses what cannot be
-    logs, table = plant.listed_logs(options.table, "log", "backlash_rad")
+    _check_output(options, "out", (".json",))
+    logs, table = batch.listed_logs(options.table, "log")
     with naming(str(options.table)):
-        known_rad = numbers(table, "backlash_rad").tolist()
-    _begin(options, logs)
-    made = interface.calibrate(logs, known_rad, **words)
+        if "backlash_rad" not in table:
+            raise Refusal("no column backlash_rad")
+        delta_rad = numbers(table, "backlash_rad").tolist()
+    made = estimates.calibrate(logs, delta_rad, **_given(options))
     write_text(options.out, made.to_json())
     low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
     print(
-        f"{options.out}: method {made.method}, {low:.3f} to {high:.3f} mrad, "
-        f"uncertainty {spread:.4f} mrad (RMS error at levels left out)"
+        f"{options.out}: {low:.3f} to {high:.3f} mrad, uncertainty {spread:.4f} mrad (RMS error at levels left out); "
+        "it holds for this joint's stiffness and drive, in this movement"
     )
     return 0
 
 
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
-    _check_output(options.plot, _FIGURES, "--plot")
-    logs = fleet.find_logs(options.log)
-    words = _words(options) | {"relative": options.relative, "jobs": options.jobs}
-    _begin(options, logs)
-    found = interface.trend(logs, options.dates, limit_rad=options.limit, **words)
+    _check_output(options, "plot", _FIGURES)
+    grown = trends.trend(
+        batch.find_logs(options.log),
+        options.dates,
+        limit_rad=options.limit,
+        relative=options.relative,
+        jobs=options.jobs,
+        **_given(options),
+    )
     if options.plot:
         from backlash import plots
 
-        plots.save_figure(plots.trend_figure(found), options.plot)
-    _print_answer(options.json, found.to_dict(), str(found))
+        plots.save_figure(plots.trend_figure(grown), options.plot)
+    print(_as_json(grown.to_dict()) if options.json else grown)
     return 0

@@ -1,13 +1,21 @@
 """The virtual sensor's command line: `backlash estimate`, `calibrate` and `trend`."""
 
+import errno
 import io
 import os
 import sys
+import traceback
 import warnings
 from importlib import import_module
+from pathlib import Path
 
-from backlash.endings import DEFECT, ending, ends_on_interrupt
-from backlash.options import parser
+from backlash.options import UNUSABLE, parser
+from backlash.refusals import Refusal, one_line
+
+DEFECT = 1
+_INTERRUPTED = 130
+# Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
+_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
 # Threads for matrices of ten rows cost more than they save; read when NumPy is imported, later.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -23,15 +31,34 @@ def main(arguments: list[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
             stream.reconfigure(errors="replace")
     try:
-        with ends_on_interrupt(), warnings.catch_warnings(action="ignore"):
-            try:
-                options = parser().parse_args(arguments)
-                commands = import_module("backlash.commands")
-                return getattr(commands, f"run_{options.command}")(options)
-            finally:
-                sys.stdout.flush()
+        with warnings.catch_warnings(action="ignore"):
+            options = parser().parse_args(arguments)
+            status: int = options.run(import_module("backlash.commands"), options)
+            sys.stdout.flush()
+            return status
     except (Exception, KeyboardInterrupt) as error:
-        status, line = ending(error)
+        status, line = _ending(error)
         if line:
             print(line, file=sys.stderr)
         return status
+
+
+def _ending(error: BaseException) -> tuple[int, str]:
+    """Exit status that an error ends a command with, and the line that says why."""
+    causes = (error, error.__cause__, error.__context__)  # compiled code makes Ctrl-C a cause
+    if any(isinstance(each, KeyboardInterrupt) for each in causes):
+        return _INTERRUPTED, "interrupted; with --out the same command goes on"
+    if isinstance(error, Refusal):
+        return UNUSABLE, str(error)
+    if isinstance(error, OSError) and error.errno in _UNWRITABLE:
+        # Nothing is left to be flushed at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        is_read = error.errno != errno.EPIPE
+        return DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
+    if isinstance(error, OSError) and error.filename is not None:
+        return UNUSABLE, one_line(f"{error.filename}: {error.strerror}; check the name")
+    if isinstance(error, MemoryError):
+        return UNUSABLE, "too large for this machine's memory; cut it to the test movement"
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
+    return DEFECT, one_line(f"a defect of the program, please report it: {what}")

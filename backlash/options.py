@@ -3,28 +3,31 @@
 import argparse
 from pathlib import Path
 
-from backlash.endings import UNUSABLE
-from backlash.fitting import METHODS, SENSOR_METHODS
+from backlash import __version__
 from backlash.reading import UNITS
 from backlash.refusals import one_line
 
+UNUSABLE = 2  # exit status
+METHODS = ("torque", "waveform", "amplitude")
+
 _ABOUT = (
-    "Backlash, half of the total play, of a robot's joint from logs of the motor encoder and torque. The test needs "
-    "a horizontal axis, an off-centre load whose gravity is above its friction, and at constant speed four turns or "
-    "more in one direction, or with the torque six strokes or more to and fro across the vertical."
+    "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
+    "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
+    "with an off-centre load whose gravity is above its friction."
 )
 _STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity; strokes to and fro need --gear-ratio. The backlash is about proportional to the gravity (20 "
-    "percent off: up to 20) and hardly depends on the inertia ratio (30 percent off: up to 10)."
+    "and --gravity. The backlash is about proportional to the gravity (20 percent off: up to 20) and hardly depends on "
+    "the inertia ratio (30 percent off: up to 10)."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
-    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint."
+    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log "
+    "is never told to have no backlash, for the load's side hardly shows it."
 )
-_SPEED = "Where there is no torque. Without a calibration for the paper's kind of drive only."
+_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, A, for trends."
 
 
 class _OneLineParser(argparse.ArgumentParser):
@@ -33,18 +36,29 @@ class _OneLineParser(argparse.ArgumentParser):
         self.exit(UNUSABLE, one_line(f"{self.prog}: {message}; see --help") + "\n")
 
 
+def _path(text: str) -> Path:
+    """A path; an empty one would be the folder that one is in."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("an empty name of a file")
+    return Path(text)
+
+
 def parser() -> argparse.ArgumentParser:
     """The commands `estimate`, `calibrate` and `trend`."""
     whole = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
+    whole.add_argument("--version", action="version", version=__version__)
     commands = whole.add_subparsers(required=True, metavar="COMMAND", dest="command")
     estimate = commands.add_parser(
         "estimate", help="backlash (half of the play) from logs of the motor encoder and torque"
     )
     what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
-    estimate.add_argument("log", nargs="*", type=Path, help=what)
+    estimate.set_defaults(run=lambda commands, options: commands.run_estimate(options))
+    estimate.add_argument("log", nargs="*", type=_path, help=what)
     calibrate = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
+    calibrate.set_defaults(run=lambda commands, options: commands.run_calibrate(options))
     _add_calibrate(calibrate)
     trend = commands.add_parser("trend", help="growth of the backlash, and when it crosses a limit")
+    trend.set_defaults(run=lambda commands, options: commands.run_trend(options))
     _add_trend(trend)
     for command in (estimate, trend):
         _add_torque(command)
@@ -70,9 +84,10 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
     what = "print a line with an object for each log, as soon as it is answered"
     add("--jsonl", action="store_true", help=what)
     what = "write a table, one row per log: .csv or .parquet; interrupted, the same command goes on"
-    add("--out", type=Path, metavar="TABLE", help=what)
-    add("--plot", type=Path, metavar="FILE", help=f"of the one log {_FIGURE}")
-    add("--plots", type=Path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
+    add("--out", type=_path, metavar="TABLE", help=what)
+    add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
+    add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
+    add("--arm", dest="arm_m", type=float, metavar="M", help="give the play in mm at this arm, too")
     what = (
         "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
     )
@@ -82,22 +97,21 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     what = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
-    add("table", type=Path, help=what)
-    add("--out", type=Path, required=True, metavar="FILE", help="the calibration, .json")
-    add("--method", choices=METHODS, default="waveform", help="default: waveform")
+    add("table", type=_path, help=what)
+    add("--out", type=_path, required=True, metavar="FILE", help="the calibration, .json")
 
 
 def _add_trend(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     what = "logs or folders, dates in their names, like 2024-03-17"
-    add("log", nargs="+", type=Path, help=what)
-    add("--dates", type=Path, metavar="TABLE", help="CSV with the columns file and date instead")
+    add("log", nargs="+", type=_path, help=what)
+    add("--dates", type=_path, metavar="TABLE", help="CSV with the columns file and date instead")
     what = "the backlash (half of the play) whose date is wanted, in rad: 0.001 for 1 mrad"
     add("--limit", type=float, metavar="RAD", help=what)
     what = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
     add("--relative", action="store_true", help=what)
     add("--json", action="store_true", help="print an object")
-    add("--plot", type=Path, metavar="FILE", help=_FIGURE)
+    add("--plot", type=_path, metavar="FILE", help=_FIGURE)
 
 
 def _add_torque(command: argparse.ArgumentParser) -> None:
@@ -118,9 +132,9 @@ def _add_torque(command: argparse.ArgumentParser) -> None:
 
 def _add_speed(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("by the speed alone", _SPEED).add_argument
-    add("--calibration", type=Path, metavar="FILE", help="of your joint, for any drive")
-    what = "default: torque with --torque, the calibration's, else self"
-    add("--method", choices=SENSOR_METHODS, help=what)
+    add("--calibration", type=_path, metavar="FILE", help="of your joint, see `backlash calibrate`")
+    what = "default: torque with --torque, waveform with --calibration, else amplitude"
+    add("--method", choices=METHODS, help=what)
 
 
 def _add_movement(command: argparse.ArgumentParser) -> None:
@@ -129,7 +143,13 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
         ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn; 1 for the joint's side"),
         ("--turn-period", "turn_period_s", "S", "of the load [s], instead or too"),
         ("--commanded-speed", "commanded_speed_rps", "RPS", "to check the unit by"),
-        ("--speed-tolerance", "speed_tolerance", "SHARE", "of the constant speed (0.03)"),
+        ("--speed-tolerance", "speed_tolerance", "SHARE", "of the mean speed of each turn (0.03)"),
+        (
+            "--ring",
+            "ring_hz",
+            "HZ",
+            "of the oscillation after an impact (21): sample 4 times as fast",
+        ),
         ("--from", "start_s", "S", "leave out what is before [s from the first sample]"),
         ("--to", "end_s", "S", "leave out what is after"),
     ):
@@ -139,10 +159,17 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
 
 
 def _add_columns(command: argparse.ArgumentParser) -> None:
-    what = "Columns by name, or by number from 1; found by name otherwise."
+    what = (
+        "Columns by name, or by number in the file, from 1; else the motor's measured ones are found by name, and what "
+        "may be two things is asked for. Every answer names them, with their units."
+    )
     add = command.add_argument_group("the log's columns", what).add_argument
     add("--time", metavar="COLUMN", help="stamps")
-    add("--time-unit", choices=("s", "ms", "us", "ns"), help="of the time stamps")
+    add(
+        "--time-unit",
+        choices=("s", "ms", "us", "ns", "100ns", "min", "h", "d"),
+        help="of the time stamps",
+    )
     what = "without stamps, or where they are to be ignored: samples a second"
     add("--rate", dest="rate_hz", type=float, metavar="HZ", help=what)
     add("--speed", metavar="COLUMN", help="of the motor, or the joint (--gear-ratio 1)")
@@ -155,8 +182,8 @@ def _add_columns(command: argparse.ArgumentParser) -> None:
 
 def _add_plant(group: argparse._ArgumentGroup) -> None:
     what = (
-        "CSV with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
+        "CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
         "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
         "calibration, ..."
     )
-    group.add_argument("--batch", type=Path, metavar="TABLE", help=what)
+    group.add_argument("--batch", type=_path, metavar="TABLE", help=what)

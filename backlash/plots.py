@@ -11,10 +11,10 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from backlash.trend_line import Trend, growth_over_time
-from replication.arrays import FloatArray
-from replication.files import write_bytes
-from replication.records import Recording
+from backlash.estimates import Estimate
+from backlash.refusals import one_line
+from backlash.trends import Trend, growth_over_time
+from replication.records import write_bytes
 
 _SHOWN_TURNS = 3
 _STYLE = Path(__file__).with_name("data") / "plots.mplstyle"
@@ -52,20 +52,26 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 @in_style
-def estimate_figure(recording: Recording, model_rps: FloatArray, title: str) -> Figure:
-    """Show three turns in the middle of a record with the fitted model [rps], and the residual of the whole record."""
+def estimate_figure(answer: Estimate) -> Figure:
+    """Show three turns in the middle of a log as measured and by the model, and what the model leaves of the whole log.
+
+    By the torque that is the torque, else the motor's speed.
+    """
+    trace = answer.trace
+    if trace is None:
+        raise ValueError(f"{answer.file}: there is no fit to show")
     figure, (above, below) = plt.subplots(2, figsize=(5.3, 4.4), height_ratios=(3, 2))
-    t, disturbance = recording.t - recording.t[0], recording.v - recording.v.mean()
-    model = model_rps - model_rps.mean()
-    middle, half = t[-1] / 2, min(_SHOWN_TURNS * recording.turn_period_s, t[-1]) / 2
-    above.plot(t, disturbance, color="0.55", linewidth=0.9, label="record, less its mean")
-    above.plot(t, model, color="C0", linewidth=1.4, label="fitted model")
-    top = 1.05 * max(np.abs(disturbance).max(), 1e-9)
-    above.set(xlim=(middle - half, middle + half), ylim=(-top, top), title=f"(a) {title}")
-    above.set(xlabel="time [s]", ylabel="motor speed [rps]")
-    below.plot(t, disturbance - model, color="C1", linewidth=0.7)
-    below.set(xlim=(0, t[-1]), ylim=(-top, top), title="(b)")
-    below.set(xlabel="time [s]", ylabel="residual [rps]")
+    t = trace.t - trace.t[0]
+    middle = t[-1] / 2
+    half = min(_SHOWN_TURNS * (answer.turn_period_s or t[-1]), t[-1]) / 2
+    above.plot(t, trace.measured, color="0.55", linewidth=0.9, label="measured")
+    above.plot(t, trace.model, color="C0", linewidth=1.4, label="model")
+    above.set(xlim=(middle - half, middle + half), title=f"(a) {one_line(answer.summary)}")
+    above.set(xlabel="time [s]", ylabel=trace.signal)
+    reach = np.ptp(trace.measured) / 2
+    below.plot(t, trace.measured - trace.model, color="C1", linewidth=0.7)
+    below.set(xlim=(0, t[-1]), ylim=(-reach, reach), title="(b) on the same scale")
+    below.set(xlabel="time [s]", ylabel=f"residual {trace.signal[trace.signal.find('[') :]}")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 

@@ -12,13 +12,18 @@ class Reason(Enum):
 
     UNUSABLE = "unusable log"
     TOO_SHORT = "too short"
+    TOO_SLOWLY_SAMPLED = "too slowly sampled"
     NOT_CONSTANT_SPEED = "not constant speed"
+    NOT_PERIODIC = "turns differ"
     WRONG_PERIOD = "wrong period"
+    NO_TORQUE = "no torque and no calibration"
+    NO_GRAVITY = "no gravity in the torque"
     NO_REVERSAL = "no load reversal seen"
+    NO_FIT = "no joint fits"
     NO_SIGNATURE = "no signature"
+    AMBIGUOUS = "two backlashes fit"
     TOO_NOISY = "too noisy"
-    NO_FIT = "no answer by the torque"
-    NO_SUCH_JOINT = "no such joint"
+    OTHER_MOVEMENT = "not the calibration's movement"
     EXTRAPOLATED = "extrapolated calibration"
     JOINTS_SIDE = "the joint's side"
 
@@ -55,12 +60,6 @@ class Refusal(UserError, ValueError):
         """The same refusal with the file's name before it."""
         place = f"{name}: " if self.row is None else f"{name}, row {self.row}: "
         return Refusal(place + self.sentence, self.reason, notes=self.notes)
-
-
-# Absence is no answer where the teeth may have stayed on one flank.
-NO_REVERSAL = (
-    "vertical axis? friction above gravity? the test needs a horizontal axis and an off-centre load"
-)
 
 
 def one_line(text: str) -> str:

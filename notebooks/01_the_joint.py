@@ -288,17 +288,18 @@ print(f"{1e3 * fall_s:.1f} ms against {1e3 * gap_s:.1f} ms")
 # **2.** A newer drive has half the lag $T_\tau$. Does the joint ring longer or shorter?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-quicker = ring_modes(joint._replace(torque_lag=joint.torque_lag / 2))[-1]
-assert -quicker.real > -modes[-1].real  # less lag undoes less of the damping
-print(f"decay {-quicker.real:.1f} 1/s instead of {-modes[-1].real:.1f} 1/s")
+plain = ring_modes(identified)[-1]
+quicker = ring_modes(identified._replace(torque_lag=identified.torque_lag / 2))[-1]
+assert -quicker.real > -plain.real  # less lag undoes less of the damping
+print(f"decay {-quicker.real:.1f} 1/s instead of {-plain.real:.1f} 1/s")
 
 # %% [markdown]
 # **3.** Halve the speed gain $K_p$. What happens to the ring?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-weak = ring_modes(joint._replace(K_p=joint.K_p / 2))[-1]
-assert weak.real > modes[-1].real  # it decays more slowly, or grows: the drive is unstable
-print(f"decay {-weak.real:.1f} 1/s instead of {-modes[-1].real:.1f} 1/s")
+weak = ring_modes(identified._replace(K_p=identified.K_p / 2))[-1]
+assert weak.real > plain.real  # it decays more slowly, or grows: the drive is unstable
+print(f"decay {-weak.real:.1f} 1/s instead of {-plain.real:.1f} 1/s")
 
 # %% [markdown]
 # **What you have learnt**: gravity opens the gap twice a turn, and drive and coupling together set

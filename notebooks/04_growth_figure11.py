@@ -118,8 +118,10 @@ def settled_peaks(joint, runs):
 with workbook.explain("changes", changes):
     joint = change(identified._replace(Omega=2 * np.pi * commanded_speed_rps), changes)
     runs = [simulate_finely(joint, delta) for delta in every]
+    peaks = settled_peaks(joint, runs)
+    if not any(each.impacts.size for each in runs):
+        raise ValueError("the teeth never meet: there is no ring")
 v_t, T_f = joint.Omega / (2 * np.pi), joint.turn_period
-peaks = settled_peaks(joint, runs)
 t = runs[0].t
 third = (t >= 2 * T_f - 1e-9) & (t < 3 * T_f - 1e-9)
 signals = pd.concat(

@@ -295,7 +295,7 @@ workbook.export(cells=cells)
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 X8 = stored_X[7]
-literal = rmse(record.v - X8[4] - h(record.t, X8, X8[1] + 0.2, X8[1] + 0.4, 12))
+literal = signature.rmse(record.t, record.v, X8, Timing(X8[1] + 0.2, X8[1] + 0.4))
 assert literal > 2 * stored_rmse[7]
 print(f"{literal:.3f} rps, {literal / stored_rmse[7]:.1f} times the stored one")
 
@@ -307,7 +307,8 @@ print(f"{literal:.3f} rps, {literal / stored_rmse[7]:.1f} times the stored one")
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 inverted = X8 * [-1, 1, 1, 1, 1, 1, 1] + [0, 0.2, 0, 0, 0, 0, 0]
 begun = record.t > X8[1] + X8[5]
-assert np.allclose(h(record.t, inverted, 0.2, 0.4, 12)[begun], h(record.t, X8, 0.2, 0.4, 12)[begun])
+both = signature.h(record.t, inverted), signature.h(record.t, X8)
+assert np.allclose(both[0][begun], both[1][begun])
 print("its size |A|, not its sign")
 
 # %% [markdown]
@@ -320,7 +321,7 @@ opens = X8[1] + X8[6]
 earlier = opens - (np.floor(opens / 0.002) + 0.01) * 0.002
 factor = np.exp(X8[2] * earlier)
 moved = X8 * [factor, 1, 1, 1, 1, 1, 1] - [0, 0, 0, 0, 0, 0, earlier]
-assert np.allclose(h(record.t, moved, 0.2, 0.4, 12), h(record.t, X8, 0.2, 0.4, 12))
+assert np.allclose(signature.h(record.t, moved), signature.h(record.t, X8))
 whole = np.exp(0.002 * X8[2]) - 1
 print(f"here {100 * (factor - 1):.2f} %; over a whole sample {100 * whole:.1f} %")
 

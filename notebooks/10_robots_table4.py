@@ -55,7 +55,7 @@ from replication import bench, figures, joint, published
 
 # %% tags=["parameters"]
 repeats = 30  # CMA-ES runs on each of the two logs
-robots_each = 60  # robots of each kind
+robots_each = 30  # robots of each kind
 robot_seed = 1  # which robots are drawn
 couplings = [0.03, 0.1]  # largest torque of a coupling, over m g r, of two kinds of arms
 torque_shares = [0.02, 0.1]  # torque over m g r of one disturbance, on a joint without backlash

@@ -256,22 +256,6 @@ def simulated_joint(
 
 
 @in_style
-def validation(table: pd.DataFrame) -> Figure:
-    """Show the simulator's misfit and its peaks' errors, level by level."""
-    figure, axes = grid(2, 1, height_in=4.2, sharex=True)
-    upper, lower = axes[:, 0]
-    delta, used = MRAD * table["delta_rad"], table["used_in_fit"]
-    for axis, values in ((upper, 100 * table["nrmse"]), (lower, table["peak_error_percent"])):
-        axis.plot(delta[used], values[used], "s", label="level used in the fit", **OURS)
-        axis.plot(delta[~used], values[~used], "o", label="level left out", mfc="none", **OURS)
-    upper.set(ylabel="RMSE over the SD [%]", ylim=(0, None))
-    lower.set(ylabel="peak off printed $A$ [%]", xlabel=BACKLASH_LABEL)
-    lower.axhline(0, **THIN)
-    _centre(lower)
-    return finish(figure, 2, "outside upper center")
-
-
-@in_style
 def growth(
     disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]
 ) -> Figure:

@@ -259,7 +259,7 @@ def drive(t, y, memory, pending, k, j):
     if j.encoder_step > 0:
         commanded = j.N * j.start_angle + j.Omega * t
         position = np.floor((commanded + position) / j.encoder_step) * j.encoder_step - commanded
-        speed = (position - memory[3]) / j.period if k > 0 else speed
+        speed = (position - memory[3]) / j.period
     error = -j.K_pos * position - speed
     memory[0] += j.K_i * j.period * error
     memory[1] -= j.period * (speed + j.w_rate * memory[1])

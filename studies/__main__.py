@@ -5,18 +5,10 @@ import os
 import sys
 from collections.abc import Sequence
 
-from replication.files import ROOT, write_csv, write_json, write_text
-from replication.processors import pinned_environment
+from replication import pinned_environment
+from replication.records import ROOT, write_csv, write_json, write_text
 
 RESULTS = ROOT / "results"
-SENSOR_DATA = ROOT / "backlash" / "data"
-
-
-def write_calibrations() -> None:
-    """The sensor's default calibrations anew, into backlash/data/default_calibrations.json."""
-    from studies.calibrations import compute_defaults
-
-    write_json(SENSOR_DATA / "default_calibrations.json", compute_defaults())
 
 
 def write_claims() -> None:
@@ -30,7 +22,7 @@ def write_claims() -> None:
 
 
 def write_hardware() -> None:
-    """What the sensor would see on twins of logs of real joints, into results/hardware.csv."""
+    """What the sensor says of logs of real joints, and the loss in their gears, into results/hardware.csv."""
     from studies import hardware
 
     write_csv(RESULTS / "hardware.csv", hardware.measure_all())
@@ -43,70 +35,40 @@ def write_joint() -> None:
     write_json(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
 
 
-def write_noise() -> None:
-    """Distances of many noises, and drawn starts: results/table2_distances.csv and results/table2_drawn_starts.csv."""
-    from studies import table2_noise
-
-    write_csv(RESULTS / "table2_distances.csv", table2_noise.distances(own_noises=150))
-    write_csv(RESULTS / "table2_drawn_starts.csv", table2_noise.run_drawn_starts(runs=60))
-
-
 def write_datasheet() -> None:
-    """What the sensor says of simulated joints, once with a new seed: results/datasheet.csv and a row of its rounds."""
-    from pandas import DataFrame, concat, read_csv
-
+    """What the sensor says of simulated joints, once with a new seed, into results/datasheet.csv and its page."""
     from studies import datasheet
 
-    sheet = datasheet.summarise_sensor(datasheet.measure_sensor(datasheet.SIZES, datasheet.SEED))
+    sheet = datasheet.summarise(datasheet.measure_all())
     write_csv(RESULTS / "datasheet.csv", sheet)
-    bars = datasheet.against_criteria(sheet)
-    print(bars.to_string(index=False))
-    this = {"seed": datasheet.SEED, "met": bars["met"].sum(), "criteria": len(bars)}
-    path = RESULTS / "datasheet_rounds.csv"
-    write_csv(path, concat([read_csv(path), DataFrame([this])], ignore_index=True))
-
-
-def write_population() -> None:
-    """Every method on joints that nobody calibrated, into results/population_logs.csv and the sensor's data."""
-    from pandas import concat
-
-    from studies import population
-
-    drawn = population.measure_population(*population.SPREAD_STUDY)
-    write_csv(SENSOR_DATA / "spread_of_joints.csv", population.spread_shares(drawn))
-    measured = [population.measure_population(*study) for study in population.FINAL_STUDIES]
-    write_csv(RESULTS / "population_logs.csv", concat(measured, ignore_index=True))
+    write_text(ROOT / "notebooks" / "datasheet.md", datasheet.write_page(sheet))
+    print(sheet.to_string(index=False))
 
 
 def write_prediction() -> None:
-    """The prediction of `table2_noise`, whichever way it falls, into results/table2_prediction.csv."""
-    from studies import table2_noise
+    """The prediction of Table 2, whichever way it falls, into results/table2_prediction.csv."""
+    from studies import prediction
 
-    table = table2_noise.run_prediction()
-    write_csv(RESULTS / "table2_prediction.csv", table)
-    print("rows not as predicted:", table2_noise.failed_predictions(table))
+    write_csv(RESULTS / "table2_prediction.csv", prediction.run_prediction())
 
 
-def write_protocols() -> None:
-    """Realisations of every protocol that may have printed Table 2, into results/table2_realisations.csv."""
-    from studies.replay import protocols
+def write_realisations() -> None:
+    """Table 2 again and again under each of its settings, into results/table2_realisations.csv; it resumes."""
+    from replication import table2
 
-    write_csv(protocols.REALISATIONS, protocols.realise_all())
+    table2.make_realisations()
 
 
 STUDIES = {
-    "calibrations": write_calibrations,
     "claims": write_claims,
     "datasheet": write_datasheet,
     "hardware": write_hardware,
     "identify-joint": write_joint,
-    "noise": write_noise,
-    "population": write_population,
     "prediction": write_prediction,
-    "protocols": write_protocols,
+    "realisations": write_realisations,
 }
 # Slow tests run some of these again, and have to find the same digits.
-PINNED = ("hardware", "noise", "prediction", "protocols")
+PINNED = ("hardware", "prediction", "realisations")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,22 +1,182 @@
-"""Logs of the joints of `strokes` that turn one way, with speed and torque."""
+"""Logs of joints that turn round under gravity, drawn apart from the sensor's model of them, with speed and torque.
+
+Both sides rub by Coulomb, viscous and Stribeck friction, the gear loses a share of the torque that it carries,
+contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque
+comes a period late. What a bench may have besides is a `Fault`.
+"""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
-from replication.arrays import FloatArray
-from replication.simulator.parameters import TURN
-from studies.odd_joints import draw_log_uniform
-from studies.strokes import CONTROL_S, BenchLog, DrivenJoint, Fault, draw_joint, log_of, run_from
+from replication import njit
+from replication.signature import FloatArray
 
+TURN = 2 * math.pi
+GRAVITY_MS2 = 9.81
+_STEP_S = 2e-5
+CONTROL_S = 5e-4
+_RUBBING_FROM = 2e-3  # rad/s of the load, at which friction is at three quarters
+_STRIBECK_RAD_PER_S = 0.3  # of the load, at which a third of what friction at rest has more is left
 _TURNS = 12
 _TURNS_BEFORE = 2
-_NO_FAULT = Fault()
 _LARGEST = 0.1  # of the speed, that a tuned joint strays from it by
 
 
-def _turn(joint: DrivenJoint, fault: Fault) -> FloatArray:
+class Fault(NamedTuple):
+    """What the sensor's model of a joint lacks."""
+
+    second_axis: float = 0.0  # share of gravity that another axis adds and takes
+    second_axis_turns: float = 0.37  # its movement's periods in a load turn
+    transmission_rad: float = 0.0  # amplitude of the gear's error, of the load's angle
+    transmission_order: float = 1.0  # its periods in a load turn
+    late_torque_s: float = 0.0
+    torque_filter_s: float = 0.0  # time constant of a low-pass of the logged torque
+    soft_share: float = 1.0  # of the stiffness that is left within `soft_rad` beyond the gap
+    soft_rad: float = 0.0
+
+
+class DrivenJoint(NamedTuple):
+    """A joint and its drive; torques over the load's inertia, angles and speeds those of the load."""
+
+    delta_rad: float
+    stiffness: float
+    damping: float
+    gravity: float
+    inertia_ratio: float
+    speed: float
+    vertical_rad: float  # of the load from the path's zero; where turns begin
+    gear_loss: float  # share of the contact's torque that rubs in the gear
+    load_friction: float
+    load_viscous: float
+    load_stribeck: float  # share of the Coulomb friction that friction at rest has more
+    motor_friction: float
+    motor_viscous: float
+    motor_stribeck: float
+    cogging: float
+    cogging_order: float
+    position_gain: float
+    speed_gain: float
+    integral_gain: float
+    current_lag_s: float
+    speed_filter_s: float
+    resolution_rad: float
+
+
+class BenchLog(NamedTuple):
+    """Time [s], motor speed [rps] and torque in an own unit; a joint's gear ratio, J_l / (N^2 J_m) and m g r / J_l."""
+
+    t: FloatArray
+    v: FloatArray
+    torque: FloatArray
+    gear_ratio: float
+    inertia_ratio: float
+    gravity_per_s2: float
+
+
+@njit
+def _rubbing(speed, coulomb, viscous, stribeck):
+    at_rest = 1 + stribeck * np.exp(-((speed / _STRIBECK_RAD_PER_S) ** 2))
+    return coulomb * at_rest * np.tanh(speed / _RUBBING_FROM) + viscous * speed
+
+
+@njit
+def run_joint(joint, fault, path, angle, hanging):
+    """Measured speed and torque of each control period of a path, whose rows are the motor's angle and speed.
+
+    The load starts from rest at an angle, held by the torque `hanging`.
+    """
+    seen = np.empty_like(path)
+    turn = joint.speed / TURN
+    motor_angle = path[0, 0]
+    motor = load = measured = 0.0
+    integral = torque = command = pending = logged = hanging
+    before = np.floor(motor_angle / joint.resolution_rad)
+    for i in range(len(path)):
+        count = np.floor(motor_angle / joint.resolution_rad)
+        speed = (count - before) * joint.resolution_rad / CONTROL_S
+        before = count
+        measured += (speed - measured) * (1 - np.exp(-CONTROL_S / joint.speed_filter_s))
+        off = path[i, 0] - count * joint.resolution_rad
+        error = path[i, 1] + joint.position_gain * off - measured
+        integral += joint.integral_gain * error * CONTROL_S
+        command = pending
+        pending = joint.speed_gain * error + integral
+        seen[i, 0] = measured
+        logged += (torque - logged) * (
+            1 - np.exp(-CONTROL_S / fault.torque_filter_s) if fault.torque_filter_s > 0 else 1.0
+        )
+        seen[i, 1] = logged
+        for j in range(round(CONTROL_S / _STEP_S)):
+            t = i * CONTROL_S + j * _STEP_S
+            torque += (command - torque) * _STEP_S / joint.current_lag_s
+            order = fault.transmission_order
+            lead = fault.transmission_rad * np.sin(order * motor_angle)
+            quick = fault.transmission_rad * order * motor * np.cos(order * motor_angle)
+            twist = motor_angle + lead - angle
+            bend = twist - min(max(twist, -joint.delta_rad), joint.delta_rad)
+            rate = motor + quick - load
+            soft = min(abs(bend), fault.soft_rad) * (1 - fault.soft_share) * np.sign(bend)
+            contact = joint.stiffness * (bend - soft) + joint.damping * rate if bend else 0.0
+            contact = contact if contact * bend > 0 else 0.0  # teeth do not pull
+            other = fault.second_axis * np.sin(TURN * fault.second_axis_turns * turn * t)
+            gravity = joint.gravity * (1 + other) * np.sin(angle + joint.vertical_rad)
+            cogging = joint.cogging * np.sin(joint.cogging_order * motor_angle)
+            rubbing = _rubbing(
+                motor, joint.motor_friction, joint.motor_viscous, joint.motor_stribeck
+            )
+            rubbing += joint.gear_loss * abs(contact) * np.tanh(motor / _RUBBING_FROM)
+            motor += _STEP_S * joint.inertia_ratio * (torque - contact - rubbing - cogging)
+            rubbing = _rubbing(load, joint.load_friction, joint.load_viscous, joint.load_stribeck)
+            load += _STEP_S * (contact - gravity - rubbing)
+            motor_angle += _STEP_S * motor
+            angle += _STEP_S * load
+    return seen
+
+
+def draw_log_uniform(rng: Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform between limits."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def draw_joint(
+    rng: Generator, delta_rad: float, speed: float, gear_ratio: float, friction: float, loss: float
+) -> DrivenJoint:
+    """Draw a joint whose drive is tuned to it; friction is the load's, over gravity."""
+    ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
+    gravity = GRAVITY_MS2 / rng.uniform(0.15, 0.5)
+    ratio = draw_log_uniform(rng, 0.5, 5.0)
+    bandwidth = TURN * rng.uniform(12.0, 45.0)
+    gain = bandwidth * (1 + 1 / ratio)
+    return DrivenJoint(
+        delta_rad=delta_rad,
+        stiffness=ring**2,
+        damping=2 * rng.uniform(0.01, 0.06) * ring,
+        gravity=gravity,
+        inertia_ratio=ratio,
+        speed=speed,
+        vertical_rad=rng.uniform(0.0, TURN),
+        gear_loss=loss,
+        load_friction=gravity * friction,
+        load_viscous=gravity * rng.uniform(0.0, 0.03) / speed,
+        load_stribeck=rng.uniform(0.0, 0.5),
+        motor_friction=gravity * rng.uniform(0.02, 0.2),
+        motor_viscous=gravity * rng.uniform(0.0, 0.1) / speed,
+        motor_stribeck=rng.uniform(0.0, 0.5),
+        cogging=gravity * rng.uniform(0.0, 0.03),
+        cogging_order=6 * gear_ratio,
+        position_gain=bandwidth * rng.uniform(0.05, 0.2),
+        speed_gain=gain,
+        integral_gain=gain * bandwidth / rng.uniform(4.0, 10.0),
+        current_lag_s=rng.uniform(3e-4, 1e-3),
+        speed_filter_s=rng.uniform(2e-4, 1.5e-3),
+        resolution_rad=TURN / 2.0 ** rng.integers(17, 21) / gear_ratio,
+    )
+
+
+def _run_turns(joint: DrivenJoint, fault: Fault) -> FloatArray:
     """Measured speed and torque of turns one way from rest, the first ones left out."""
     start_rad = joint.vertical_rad
     turn_s = TURN / joint.speed
@@ -26,19 +186,23 @@ def _turn(joint: DrivenJoint, fault: Fault) -> FloatArray:
     speed = joint.speed * np.minimum(periods * CONTROL_S * (joint.speed / TURN), 1.0)
     wanted = np.cumsum([motor_rad, *speed[:-1] * CONTROL_S])
     path = np.column_stack([wanted, speed])
-    seen = run_from(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
+    seen = run_joint(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
     return seen[round(_TURNS_BEFORE * turn_s / CONTROL_S) :]
 
 
 def draw_turns(
-    rng: Generator, delta_rad: float, friction: float = 0.03, fault: Fault = _NO_FAULT
+    rng: Generator,
+    delta_rad: float,
+    friction: float = 0.03,
+    loss: float = 0.0,
+    fault: Fault = Fault(),  # noqa: B008
 ) -> BenchLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction)
-        seen = _turn(joint, fault)
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss)
+        seen = _run_turns(joint, fault)
         if np.abs(seen[:, 0] / joint.speed - 1).max() < _LARGEST:
             break
     every = int(rng.choice([2, 4, 6]))
@@ -50,4 +214,11 @@ def draw_turns(
     v = v + v_noise * rng.standard_normal(v.size)
     torque = torque + torque_noise * rng.standard_normal(torque.size)
     count = joint.gravity * 4 / 2.0 ** rng.integers(11, 15)
-    return log_of(joint, gear_ratio, every * CONTROL_S, v, count * np.rint(torque / count))
+    return BenchLog(
+        every * CONTROL_S * np.arange(v.size, dtype=float),
+        v * gear_ratio / TURN,
+        count * np.rint(torque / count),
+        gear_ratio,
+        joint.inertia_ratio,
+        joint.gravity,
+    )

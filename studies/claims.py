@@ -20,10 +20,22 @@ from replication.published import Criteria, Decision
 from replication.records import Recording, add_noise, constant_speed
 from replication.signature import FloatArray, Timing
 from replication.table2 import NOTEBOOK, best_fit
-from studies.replay.inspection import uniform_noise_test
 
 FINE_BITS = 40  # of an encoder without steps
 _INTERVAL = ["rate_low", "rate_high"]
+
+
+def uniform_noise_test(noise: FloatArray) -> dict[str, float]:
+    """P-values of a noise: of two laws (Kolmogorov and Smirnov's), of its mean, of the correlation of neighbours."""
+    correlation = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+    z = [noise.mean() / stats.sem(noise, ddof=0), correlation * np.sqrt(noise.size - 1)]
+    p_mean, p_lag_one = 2 * stats.norm.sf(np.abs(z))
+    return {
+        "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
+        "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
+        "p_mean": p_mean,
+        "p_lag_one": p_lag_one,
+    }
 
 
 def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:

@@ -11,18 +11,15 @@ from functools import partial
 from itertools import count, product
 
 import numpy as np
+from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy import optimize, stats
 
-from backlash.fitting.global_fit import global_fit
-from replication.arrays import FloatArray
-from replication.cmaes import generations
-from replication.parallel import in_parallel
-from replication.records import Recording
-from replication.residual import residual
-from replication.records import load_noisy
-from replication.stopping import search
-from replication.table2 import AUTHORS_SETTINGS, BASIN_GAP, cost, search_box, table2_levels
+from replication import misfit
+from replication.cmaes import generations, search
+from replication.records import Recording, load_noisy
+from replication.signature import FloatArray, Parameters, h
+from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, best_fit, search_box
 from studies.rates import rate_columns
 
 # What the authors' notebook spends: 300 members in 200 generations.
@@ -30,7 +27,7 @@ POPULATION = 300
 BUDGET = 60_000
 OWN_POPULATION = 4 + int(3 * math.log(7))  # what CMA-ES takes by itself for seven parameters
 RUNS_PER_RECORD = 10
-LEVELS = (2, 6, 11)  # Table 2's first, middle and last row, realisation R = 1
+SEARCHED_LEVELS = (2, 6, 11)  # Table 2's first, middle and last row, realisation R = 1
 SWARMS = {
     "particle swarm": "ParticleSwarmAlgorithm",
     "artificial bee colony": "ArtificialBeeColonyAlgorithm",
@@ -49,10 +46,10 @@ class Cost:
     def __init__(self, recording: Recording, target: float, budget: int):
         self.target = target
         self.budget = budget
-        self.box = search_box(recording, AUTHORS_SETTINGS)
+        self.box = search_box(recording, NOTEBOOK)
         self.best = math.inf
         self.evaluations = 0
-        self._misfits = cost(recording, AUTHORS_SETTINGS)
+        self._misfits = misfit.cost(recording.t, recording.v, NOTEBOOK.timing)
         self._recording = recording
 
     def of_members(self, X: FloatArray) -> FloatArray:
@@ -68,8 +65,8 @@ class Cost:
     def residuals(self, unit: FloatArray) -> FloatArray:
         """Residuals over the root of their number: their norm is the misfit."""
         t, v = self._recording.t, self._recording.v
-        residuals = residual(t, v, self._in_box(unit), AUTHORS_SETTINGS.timing)
-        residuals /= math.sqrt(residuals.size)
+        X = Parameters(*self._in_box(unit))
+        residuals = (v - X.v_t - h(t, X, NOTEBOOK.timing)) / math.sqrt(v.size)
         self._count(math.sqrt(residuals @ residuals), 1)
         return residuals
 
@@ -85,16 +82,12 @@ class Cost:
 
 # A way to search: spends a cost with a seed.
 Method = Callable[[Cost, int], None]
-# One of the reader's own: from the misfit [rps] of X, its bounds, evaluations and a seed to the best X.
-Optimiser = Callable[[Callable[[FloatArray], float], FloatArray, FloatArray, int, int], FloatArray]
 
 
 def _covariance(cost: Cost, seed: int, population: int, restarts: bool = False) -> None:
     """CMA-ES from the middle of the box; restarts double the population (Auger and Hansen's IPOP, 2005)."""
-    rng = np.random.default_rng(seed)
     for k in count() if restarts else (0,):
-        size = population * 2**k
-        steps = generations(cost.of_members, cost.box, lambda *n: rng.standard_normal(n), size)
+        steps = generations(cost.of_members, cost.box, seed + 1000 * k, population * 2**k)
         search(steps, cost.budget)
 
 
@@ -132,15 +125,6 @@ def _rectangles(cost: Cost, seed: int) -> None:
     optimize.direct(cost, cube, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
-def _function(cost: Cost, seed: int, optimiser: Optimiser) -> None:
-    """A function as a method; what it returns is evaluated too."""
-
-    def misfit(X: FloatArray) -> float:
-        return float(cost.of_members(np.clip(X, cost.box.lower, cost.box.upper)[None])[0])
-
-    misfit(optimiser(misfit, cost.box.lower, cost.box.upper, cost.budget, seed))
-
-
 SEARCH_METHODS: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
     "CMA-ES, its own population": ("CMA-ES", partial(_covariance, population=OWN_POPULATION)),
@@ -172,75 +156,41 @@ SEARCH_METHODS: dict[str, tuple[str, Method]] = {
 }
 
 
-def run_method(
-    method: str | Optimiser, recording: Recording, target_rmse: float, budget: int, seed: int
-) -> dict:
-    """Let one of `SEARCH_METHODS`, or a function, look for a record's best basin."""
-    if isinstance(method, str):
-        name = method
-        kind, run = SEARCH_METHODS[method]
-    else:
-        name = method.__name__
-        kind, run = "function", partial(_function, optimiser=method)
-    cost = Cost(recording, target_rmse, budget)
-    with contextlib.suppress(SearchEnded):
-        run(cost, seed)
-    return {
-        "method": name,
-        "kind": kind,
-        "seed": seed,
-        "found": cost.best <= target_rmse,
-        "rmse_rps": cost.best,
-        "evaluations": cost.evaluations,
-    }
-
-
 def planned_runs() -> list[tuple[str, int, int, int]]:
     """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
     seeds = range(1, RUNS_PER_RECORD + 1)
     jobs = []
     for method, (kind, _) in SEARCH_METHODS.items():
         if kind == "deterministic":
-            jobs += [(method, level, R, 0) for R, level in product((1, 2), table2_levels())]
+            jobs += [(method, level, R, 0) for R, level in product((1, 2), LEVELS)]
         else:
-            jobs += [(method, level, 1, seed) for level, seed in product(LEVELS, seeds)]
+            jobs += [(method, level, 1, seed) for level, seed in product(SEARCHED_LEVELS, seeds)]
     return jobs
 
 
 def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
     """Run methods on the authors' records, a row a run: what `results/optimizers.csv` holds."""
-    return DataFrame(in_parallel(_run_on_authors_record, jobs, "searches"))
+    return DataFrame(Parallel(n_jobs=-1)(delayed(_run_on_authors_record)(*job) for job in jobs))
 
 
 def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
-    """Found is the best basin: within `BASIN_GAP` of the global fit's misfit."""
+    """Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
     recording = load_noisy(level, realisation)
-    best = global_fit(recording).rmse
-    run = run_method(method, recording, best * (1 + BASIN_GAP), BUDGET, seed)
+    best = best_fit(recording).rmse
+    kind, run = SEARCH_METHODS[method]
+    cost = Cost(recording, best * (1 + BASIN_GAP), BUDGET)
+    with contextlib.suppress(SearchEnded):
+        run(cost, seed)
     return {
         "method": method,
-        "kind": run["kind"],
+        "kind": kind,
         "level": level,
         "realisation": realisation,
         "seed": seed,
-        "found": run["found"],
-        "rmse_over_best": run["rmse_rps"] / best,
-        "evaluations": min(run["evaluations"], BUDGET),
+        "found": cost.best <= cost.target,
+        "rmse_over_best": cost.best / best,
+        "evaluations": min(cost.evaluations, BUDGET),
     }
-
-
-def compare_strategies(
-    recording: Recording,
-    strategies: Sequence[str | Optimiser],
-    seeds: Sequence[int],
-    target_rmse: float,
-    budget: int,
-) -> DataFrame:
-    """Run every strategy with every seed, on all cores; one row a run, as `run_method` gives it."""
-    calls = [
-        (name, recording, target_rmse, budget, seed) for name, seed in product(strategies, seeds)
-    ]
-    return DataFrame(in_parallel(run_method, calls, "searches"))
 
 
 def success_table(runs: DataFrame) -> DataFrame:

@@ -2,6 +2,7 @@
 
 import shlex
 import zipfile
+from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -14,45 +15,30 @@ from backlash.main import main
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log, open_log
 from backlash.refusals import Refusal
-from replication.bench import clean_record
-from replication.joint import identified_joint
-from replication.records import Recording, add_noise, constant_speed
+from replication.joint import identified_joint, simulate
+from replication.records import Recording
 
 TURN = LogFormat(turn_period_s=0.4)
-ANSWER_KEYS = [
-    "file",
-    "verdict",
-    "amplitude_rps",
-    "amplitude_interval_rps",
-    "backlash_rad",
-    "backlash_interval_rad",
-    "rmse_rps",
-    "method",
-    "turn_period_s",
-    "samples",
-    "warnings",
-    "sha256",
-    "calibration",
-    "total_play_rad",
-    "total_play_interval_rad",
-    "version",
-]
 
 
 @lru_cache
 def clean(delta_rad: float = 9e-4) -> Recording:
-    return clean_record(identified_joint(), delta_rad)
+    run = simulate(identified_joint(), delta_rad)
+    return Recording(run.t, run.v, 100.0, 0.4, "simulated")
 
 
 @lru_cache
 def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Recording:
     """Twelve turns of the paper's joint."""
-    return add_noise(clean(delta_rad), noise_rps, np.random.default_rng(seed))
+    record = clean(delta_rad)
+    noise = np.random.default_rng(seed).uniform(-noise_rps, noise_rps, record.v.size)
+    return replace(record, v=record.v + noise)
 
 
 def silent(noise_rps: float = 0.1, seed: int = 1) -> Recording:
     """A record of a constant speed and noise."""
-    return add_noise(constant_speed(), noise_rps, np.random.default_rng(seed))
+    noise = np.random.default_rng(seed).uniform(-noise_rps, noise_rps, 2401)
+    return Recording(2e-3 * np.arange(2401), 100 + noise, 100.0, 0.4, "silent")
 
 
 def table(recording: Recording) -> pd.DataFrame:

@@ -2,20 +2,22 @@
 
 import pandas as pd
 
-from replication.files import ROOT
-from workbook.animation import plain_animation
+from replication.records import ROOT
+from workbook.animation import flipbook
 from workbook.comparison import judge, verdict
 from workbook.outcomes import export, show_figure
-from workbook.parameters import Interval, check_parameters, sliders
+from workbook.parameters import Interval, ParameterError, check_parameters, explain, sliders
 
 # What notebooks call.
 __all__ = [
     "ROOT",
     "Interval",
+    "ParameterError",
     "check_parameters",
+    "explain",
     "export",
+    "flipbook",
     "judge",
-    "plain_animation",
     "show_figure",
     "sliders",
     "verdict",

@@ -1,54 +1,71 @@
-"""Matplotlib's animations as a page can keep them."""
+"""Pictures that a reader leafs through with a slider: no network, no files, the same bytes from run to run."""
 
 import base64
 import io
 import json
-import re
-from functools import cache
+from collections.abc import Callable
 from string import Template
+from typing import NamedTuple
 
-from PIL import Image
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
-COLOURS = 48  # enough for lines and markers with smooth edges; a third of the size
-
-# No element has an id: two copies of it may lie in one page.
-PLAYER = Template("""<div class="animation"><img alt="$words" style="max-width: 100%" src="$first">
-<div><button type="button">play</button>
-<input type="range" min="0" max="$last" value="0" style="width: 80%" aria-label="frame"></div></div>
+# No element has an id: two of them may lie in one page.
+PLAYER = Template("""<div><img alt="$words" style="max-width: 100%" src="$picture"><br>
+<button type="button">play</button>
+<input type="range" min="0" max="$last" value="$first" style="width: 80%" aria-label="picture"></div>
 <script>{
-const player = document.currentScript.previousElementSibling, frames = $frames;
+const pictures = $pictures, player = document.currentScript.previousElementSibling;
 const [picture, button, slider] = ["img", "button", "input"].map(name => player.querySelector(name));
-const show = k => { slider.value = k; picture.src = frames[k]; };
+const show = k => { slider.value = k; picture.src = pictures[k]; };
 let playing = 0;
 const pause = () => { playing = clearInterval(playing); button.textContent = "play"; };
-const play = () => {
-  playing = setInterval(() => show((+slider.value + 1) % frames.length), $interval);
+button.addEventListener("click", () => {
+  if (playing) return pause();
+  playing = setInterval(() => show((+slider.value + 1) % pictures.length), 100);
   button.textContent = "pause";
-};
-button.addEventListener("click", () => playing ? pause() : play());
+});
 slider.addEventListener("input", () => { pause(); show(+slider.value); });
 }</script>""")
 
 
-def plain_animation(html: str, words: str) -> str:
-    """Make Matplotlib's HTML small and always the same, with `words` for who does not see it, its first frame shown."""
-    drawn = re.findall(r"frames\[\d+\] = \"data:image/png;base64,(.*?)\"", html, re.DOTALL)
-    frames = [reduce_png(base64.b64decode(frame.replace("\\", ""))) for frame in drawn]
-    (interval,) = re.findall(r"new Animation\(frames, img_id, slider_id, ([\d.]+),", html)
-    return PLAYER.substitute(
+class Flipbook(NamedTuple):
+    """Pictures with a slider, and one of them for who runs no scripts."""
+
+    html: str
+    png: bytes
+
+    def __repr__(self) -> str:
+        return "Flipbook"
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+
+def flipbook(
+    draw: Callable[[Figure, int], None], count: int, words: str, first: int = 0
+) -> Flipbook:
+    """Draw pictures 0 to count - 1, each on an empty figure by `draw(figure, k)`; `words` for who does not see them."""
+    figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
+    pictures, png = [], io.BytesIO()
+    for k in range(count):
+        figure.clear()
+        draw(figure, k)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="webp", pil_kwargs={"lossless": True, "method": 2})
+        data = base64.b64encode(buffer.getvalue()).decode("ascii")
+        pictures.append(f"data:image/webp;base64,{data}")
+        if k == first:
+            figure.savefig(png, format="png")
+    plt.close(figure)
+    html = PLAYER.substitute(
         words=words,
-        first=frames[0],
-        last=len(frames) - 1,
-        frames=json.dumps(frames),
-        interval=interval,
+        picture=pictures[first],
+        pictures=json.dumps(pictures),
+        first=first,
+        last=count - 1,
     )
-
-
-@cache
-def reduce_png(content: bytes) -> str:
-    """Turn a PNG into a data address, with few colours."""
-    image = Image.open(io.BytesIO(content)).convert("RGB")
-    few = image.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    buffer = io.BytesIO()
-    few.convert("RGB").save(buffer, "WEBP", lossless=True, quality=80, method=4)
-    return "data:image/webp;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+    return Flipbook(html, png.getvalue())

@@ -21,7 +21,7 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
 from replication import pinned_environment
-from replication.files import ROOT, UserError, write_text
+from replication.records import ROOT, UserError, write_text
 from workbook.checkout import OFFLINE
 
 CELL_TIMEOUT_S = 900

@@ -1,12 +1,13 @@
 """A notebook's parameters: what they may be, and pictures that they move."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.util import find_spec
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
-from replication.files import UserError
+from replication.records import UserError
 from workbook.outcomes import OUTPUT_FOLDER
 
 
@@ -46,6 +47,15 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
     for name, (value, allowed) in parameters.items():
         if not _is_allowed(value, allowed):
             raise ParameterError(f"{name} = {value!r}: it should be {_describe(allowed)}")
+
+
+@contextmanager
+def explain(name: str, value: object) -> Iterator[None]:
+    """Say in one line which parameter a computation could not be done with."""
+    try:
+        yield
+    except (ValueError, TypeError, RuntimeError) as error:
+        raise ParameterError(f"{name} = {value!r}: {error}") from error
 
 
 def _is_allowed(value: Any, allowed: Any) -> bool:

@@ -12,8 +12,8 @@ from backlash.reading.columns import Columns, LogFormat, choose_columns, numbers
 from backlash.reading.sources import Source, Table, read_source
 from backlash.reading.units import PER_TURN
 from backlash.refusals import Reason, Refusal
-from replication.arrays import FloatArray
 from replication.records import Recording
+from replication.signature import FloatArray
 
 _RING_HZ = 21.0  # of the oscillation that the signature models, in the paper's joint
 _LEAST_RATE = 4  # samples in its period; with half as many, two of 17 simulated joints were wrong
@@ -30,7 +30,6 @@ _UNIT_TOLERANCE = 0.03  # of a speed beside the one that was said
 _MOST_DRIFT = 0.01  # of the mean of whole turns
 _SMOOTHING_S = 0.1
 _SPIKE = 0.3
-_MOST_SPIKES = 5  # in a log that is mended by hand
 _LEAST_VALUES = 16  # of a signal that is not merely coarse
 
 
@@ -47,11 +46,6 @@ class Log(Source):
     torque: FloatArray | None = None  # of the motor at the recording's samples, in the log's unit
     columns: str = ""  # that were read, with their units, the sheet and the side of the gear
     is_links_side: bool = False  # of the gear; else the motor's
-
-    @property
-    def makes_strokes(self) -> bool:
-        """Whether the motor turns to and fro."""
-        return _reverses(self.recording.v)
 
 
 @dataclass(frozen=True)
@@ -178,29 +172,31 @@ def _merged(samples: _Samples) -> _Samples:
 
 def _unwrapped(samples: _Samples, form: LogFormat) -> _Samples:
     """A position [turns] that goes on where it started anew after a turn or 2^n counts."""
-    turns, dt = samples.v, np.diff(samples.t)
-    steps, span = np.diff(turns), float(np.ptp(turns))
+    t, turns = samples.t, samples.v
+    span = float(np.ptp(turns))
     moduli = [1.0]
     if form.counts_per_turn:
         moduli += (2.0 ** np.arange(8, 33) / form.counts_per_turn).tolist()
     modulus = min((m for m in moduli if 0.5 * m < span <= m * (1 + 1e-9)), default=0.0)
     if modulus == 0:
         return samples
-    speed = form.expected_speed_rps or 0.0
-    ways = [steps - modulus * np.round((steps - way * speed * dt) / modulus) for way in (1.0, -1.0)]
-    best = min(ways, key=lambda way: abs(abs(float(np.median(way / dt))) - speed))
-    short = dt <= 1.5 * np.median(
-        dt
-    )  # where samples are missing, the speed is that of the neighbours
-    near = np.interp(np.arange(dt.size), np.flatnonzero(short), best[short] / dt[short])
-    best = np.where(short, best, steps - modulus * np.round((steps - near * dt) / modulus))
-    jumps = int(np.count_nonzero(np.abs(best - steps) > 1e-9))
-    if jumps and np.count_nonzero(best * np.median(best) < 0) > 0.2 * best.size:
+    # By the nearest multiple to a uniform motion, at the speed of most steps or the one expected,
+    # either way; so that a gap may hold several turns.
+    steps = np.diff(turns)
+    steps -= modulus * np.round(steps / modulus)
+    speed = form.expected_speed_rps or abs(float(np.median(steps / np.diff(t))))
+    motions = (way * speed * (t - t[0]) for way in (1.0, -1.0))
+    ways = [np.unwrap(turns - motion, period=modulus) + motion for motion in motions]
+    best = min(
+        ways, key=lambda way: float(np.abs(np.abs(np.diff(way) / np.diff(t)) - speed).mean())
+    )
+    best = turns + modulus * np.rint((best - turns) / modulus)  # to the last digit
+    jumps = int(np.count_nonzero(np.abs(np.diff(best) - np.diff(turns)) > 1e-9))
+    if jumps and np.mean(np.diff(best) * (best[-1] - best[0]) < 0) > 0.2:
         problem = "the position starts anew faster than it is sampled, or moves to and fro"
         raise Refusal(f"{problem}; give --commanded-speed, or sample faster")
     note = f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times"
-    turns = turns[0] + np.concatenate([[0.0], np.cumsum(best)])
-    signals = np.vstack([turns, samples.signals[1:]])
+    signals = np.vstack([best, samples.signals[1:]])
     return samples.noted(note, signals=signals) if jumps else samples
 
 
@@ -213,7 +209,8 @@ def _at_constant_speed(
         what = f"{t[-1] - t[0]:.3g} s in {t.size} samples; {_LEAST_TURNS} load turns are needed"
         raise Refusal(what, Reason.TOO_SHORT)
     if is_position:
-        v = _rough_speed(v, t, dt)
+        k = clock.grid_numbers(t, dt)  # smoother than by the stamps, which stray
+        v = np.gradient(v, np.polyval(np.polyfit(k, t, 1), k))
     if 1 / dt > _FASTEST_HZ:
         v = uniform_filter1d(v, int(2 / _FASTEST_HZ / dt), mode="nearest")
     _refuse_spikes(v, samples.rows, form)
@@ -234,10 +231,15 @@ def _at_constant_speed(
     first, last = clock.longest_clean(t, *whole, dt)
     turns, needed = (t[last - 1] - t[first]) / period, _LEAST_TURNS - 1.5 * dt / period
     if turns < needed:
-        if _reverses(smooth) and form.torque and form.gear_ratio:
-            return _cut(samples, *clock.longest_clean(t, 0, v.size, dt))
+        if smooth.min() < -0.5 * smooth.max() and smooth.max() > -0.5 * smooth.min():
+            what = "the motor moves to and fro; the joint has to turn round in one direction"
+            raise Refusal(f"{what}, {_LEAST_TURNS} turns or more", Reason.NOT_CONSTANT_SPEED)
         if (t[whole[1] - 1] - t[whole[0]]) / period >= needed:
-            raise _describe_gap(samples, *whole)
+            steps = np.diff(t[slice(*whole)])
+            at = whole[0] + int(steps.argmax())
+            gap = f"a gap of {steps.max():.3g} s in the constant speed, at t = {t[at]:.4g} s"
+            cure = "no part without one is long enough; log again"
+            raise Refusal(f"{gap}; {cure}", row=samples.rows[at + 1])
         is_short = last - first > 0.9 * v.size
         reason = Reason.TOO_SHORT if is_short else Reason.NOT_CONSTANT_SPEED
         raise Refusal(_too_few(turns, period, level, form), reason)
@@ -288,14 +290,6 @@ def _level(v: FloatArray, expected: float | None) -> float:
     return float(np.median(near))
 
 
-def _describe_gap(samples: _Samples, first: int, last: int) -> Refusal:
-    """The refusal of samples for their longest gap."""
-    steps = np.diff(samples.t[first:last])
-    k = first + int(steps.argmax())
-    gap = f"a gap of {steps.max():.3g} s in the constant speed, at t = {samples.t[k]:.4g} s"
-    return Refusal(f"{gap}; no part without one is long enough; log again", row=samples.rows[k + 1])
-
-
 def _cut(samples: _Samples, first: int, last: int) -> _Samples:
     t = samples.t
     if last - first == t.size:
@@ -307,25 +301,11 @@ def _cut(samples: _Samples, first: int, last: int) -> _Samples:
 def _too_few(turns: float, period: float, level: float, form: LogFormat) -> str:
     """What is missing in a log of too few turns, and what may be wrong with what is said of it."""
     what = f"{turns:.1f} load turns of {period:.4g} s at {level:.4g} rps"
-    needed = (
-        f"{_LEAST_TURNS} are needed, 12 are good; strokes to and fro need --torque and --gear-ratio"
-    )
+    needed = f"{_LEAST_TURNS} alike are needed, 12 are good"
     ratio = form.gear_ratio or 1.0
     if form.turn_period_s is None and ratio > 1 and turns * ratio > _LEAST_TURNS:
         needed += "; is this the joint's side? then --gear-ratio 1"
     return f"{what}; {needed}"
-
-
-def _rough_speed(turns: FloatArray, t: FloatArray, dt: float) -> FloatArray:
-    """Speed [rps] of a position, by its stamps or by the grid that they stray from, whichever is smoother."""
-    k = clock.grid_numbers(t, dt)
-    speeds = [np.gradient(turns, each) for each in (t, np.polyval(np.polyfit(k, t, 1), k))]
-    return min(speeds, key=lambda v: float(np.abs(np.diff(v, 2)).mean()))
-
-
-def _reverses(v: FloatArray) -> bool:
-    """Whether a speed of strokes to and fro, both ways about as fast."""
-    return bool(v.min() < -0.5 * v.max() and v.max() > -0.5 * v.min())
 
 
 def _longest_run(state: FloatArray) -> tuple[int, int]:
@@ -381,11 +361,9 @@ def _averaged(samples: _Samples, ring_hz: float) -> _Samples:
 def _log_of(samples: _Samples, table: Table, columns: Columns, form: LogFormat) -> Log:
     """Check that the speed does not drift, and give the record its speed and turn period."""
     v = samples.v
-    strokes = _reverses(v)
-    mean = _level(v, form.expected_speed_rps) if strokes else float(v.mean())
+    mean = float(v.mean())
     period = form.period_s(mean)
-    if not strokes:
-        _refuse_drift(samples, period, mean)
+    _refuse_drift(samples, period, mean)
     notes = samples.notes
     if form.turn_period_s is None:
         ratio = f"gear ratio {form.gear_ratio:g} at {mean:.6g} rps"
@@ -449,13 +427,9 @@ def _refuse_spikes(v: FloatArray, rows: NDArray[np.int64], form: LogFormat) -> N
     away = away[np.abs(v[away] - v[away + 2]) < 0.1 * level]
     if 0 < away.size <= 0.01 * v.size:
         k = away[0] + 1
-        spike = f"{v[k]:.4g} rps beside {v[k - 1]:.4g}"
-        if away.size > _MOST_SPIKES:
-            what = f"{away.size} samples stray from their neighbours, {spike}: is the speed differentiated"
-            raise Refusal(f"{what} by uneven stamps? log the position, or --rate", row=rows[k])
-        raise Refusal(
-            f"a spike, {spike} ({away.size} in all); mend or cut the log there", row=rows[k]
-        )
+        what = f"{away.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {v[k - 1]:.4g}"
+        cure = "mend or cut the log; of a speed differentiated by uneven stamps log the position"
+        raise Refusal(f"{what}; {cure}", row=rows[k])
 
 
 def _refuse_clipping(samples: _Samples) -> None:

@@ -181,6 +181,6 @@ def test_a_spike_and_a_column_that_never_changes_are_named():
     v = RECORD.v.copy()
     v[500] = 900.0
     spiked = with_torque(TORQUE).assign(**{"speed [rps]": v})
-    assert "row 500: a spike, 900 rps" in refusal(spiked)
+    assert "1 single samples stray from their neighbours, 900 rps" in refusal(spiked)
     still = with_torque(TORQUE).assign(**{"speed [rps]": 100.0})
     assert "never changes, it is 100 throughout" in refusal(still)

@@ -150,6 +150,7 @@ def test_the_encoders_grid_hardly_disturbs_the_drive():
         ({"G/J_l": 0}, {}, "G/J_l"),
         ({"colour": 2}, {}, "colour.*K_s/J_l"),
         ({"K_s": 1e4}, {}, "step is .* at most"),
+        ({"J_m": 1e-5}, {}, "step is .* at most"),
         ({"K_p": 20}, {}, "runs away"),
         ({}, {"delta": 4.0}, "gap"),
         ({}, {"sample": 2.05e-3}, "sample is .* multiple"),

@@ -4,8 +4,7 @@ import pytest
 
 import workbook
 from replication.records import Recording
-from replication.signature import Timing, rmse, signature
-from replication.table2 import SearchSettings
+from replication.signature import h, rmse
 from studies import claims, optimizers
 
 T = 0.002 * np.arange(2401)
@@ -15,7 +14,7 @@ X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0113])
 @pytest.fixture
 def record():
     noise = np.random.default_rng(1).uniform(-0.1, 0.1, T.size)
-    return Recording(T, 100 + signature(T, X, Timing(0.2, 0.4, 12)) + noise, 100.0, 0.4, "made")
+    return Recording(T, 100 + h(T, X) + noise, 100.0, 0.4, "made")
 
 
 def result(method, kind, found, runs=30):
@@ -26,7 +25,7 @@ def result(method, kind, found, runs=30):
 def test_the_cost_and_the_residuals_are_the_papers(record):
     cost = optimizers.Cost(record, 0.0, 1000)
     unit = (X - cost.box.lower) / (cost.box.upper - cost.box.lower)
-    expected = rmse(T, record.v, X, SearchSettings().timing)
+    expected = rmse(T, record.v, X)
     assert cost(unit) == pytest.approx(expected, rel=1e-9)
     assert np.linalg.norm(cost.residuals(unit)) == pytest.approx(expected, rel=1e-9)
     assert cost.of_members(X[None])[0] == pytest.approx(expected, rel=1e-9)

@@ -1,0 +1,283 @@
+"""Many logs on all cores: a table of them, resumable, no bad file stops the rest; and a trend for each joint."""
+
+import json
+import os
+import re
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias, Unpack
+
+import joblib
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from backlash import __version__
+from backlash.calibration import read_calibration
+from backlash.estimates import CANNOT_TELL, Estimate, examine
+from backlash.reading.batch import KEYS, TableOfLogs, called, escape, keys_of, options_of, read_rows
+from backlash.reading.sources import name_of
+from backlash.refusals import Reason, Refusal, one_line
+from backlash.settings import GIVEN, Given, Settings, settings_for
+
+SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
+_WORTH_PROCESSES = 8  # a log takes a second, a process one to start
+
+
+Draw: TypeAlias = Callable[[str, Estimate], None]
+
+
+class Batch(NamedTuple):
+    """Logs with their settings, or why they have none; `keys` are joints and dates, as far as a table has them."""
+
+    logs: Sequence[Any]
+    settings: Sequence[Settings | Refusal]
+    keys: pd.DataFrame
+
+
+def listed_logs(source: TableOfLogs, column: str) -> tuple[list[Any], pd.DataFrame]:
+    """Logs in a column of a table, and the table without it; a file's names are relative to it."""
+    table = read_rows(source, column)
+    if not isinstance(source, pd.DataFrame):
+        folder = Path(source).parent
+        for name in {column, "calibration"} & {*table}:
+            names = table[name].map(lambda each: folder / each.strip(), na_action="ignore")
+            table[name] = names.where(names.notna(), "" if name == column else None)
+    return table.pop(column).tolist(), table
+
+
+def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
+    """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
+    if not isinstance(source, pd.DataFrame | str | PathLike):
+        if not isinstance(source, Sequence):
+            raise Refusal(
+                f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
+            )
+        known = {**given, "calibration": read_calibration(given.get("calibration"))}
+        keys = pd.DataFrame(index=range(len(source)))
+        return Batch(source, [settings_for(log, known) for log in source], keys)
+    logs, table = listed_logs(source, "file")
+    columns = ("file", *KEYS, *GIVEN)
+    if unknown := {*table}.difference(columns):
+        raise Refusal(f"{called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
+    keys = keys_of(table)
+    read = cache(read_calibration)
+    settings: list[Settings | Refusal] = []
+    for log, row in zip(logs, table.to_dict("records"), strict=True):
+        try:
+            own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
+            if "calibration" in own:
+                own["calibration"] = read(own["calibration"])
+            settings.append(settings_for(log, {**given, **own}))
+        except Refusal as refusal:
+            settings.append(Refusal(f"{called(source)}, {Path(name_of(log)).name}: {refusal}"))
+    return Batch(logs, settings, keys)
+
+
+def estimate_many(
+    logs: Sequence[object] | TableOfLogs, *, jobs: int = -1, **given: Unpack[Given]
+) -> pd.DataFrame:
+    """Estimate the backlashes of many logs, also of different joints.
+
+    Inside `joblib.parallel_config` its backend is used: with "dask" a cluster, whose workers need this package and the
+    logs under the same paths.
+
+    Parameters
+    ----------
+    logs : sequence of logs, DataFrame, or path of a CSV table
+        Logs as `estimate` takes them, or a table of their files with what is given of each: column `file` (in a file
+        relative to it), and `joint`, `date`, and keywords of `estimate`, like `gear_ratio`, `torque`, `inertia_ratio`,
+        `gravity_per_s2`, `calibration`. What a row leaves empty is taken from `given`.
+    jobs : int
+        Processes; -1 for all cores where that is worth it.
+    **given
+        As in `estimate`.
+
+    Returns
+    -------
+    DataFrame
+        A row for each log, in their order, by joint and date if the table has them. Columns are the attributes of
+        `Estimate`, intervals and quantities of the joint in two each; `reason` says why there is no answer.
+
+    Raises
+    ------
+    Refusal
+        The table cannot be used. A log that cannot, or what its row says, only has no answer.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> plant = pd.DataFrame({"file": files, "joint": ["A1", "A2"], "date": "2024-03-17"})
+    >>> found = backlash.estimate_many(plant, gear_ratio=100, torque="torque", inertia_ratio=2, gravity_per_s2=30)
+    >>> print(found.loc["A2"]["verdict"].tolist())
+    ['backlash']
+    """
+    batch = read_batch(logs, given)
+    answers = dict(run_batch(batch, jobs))
+    table = batch.keys.join(as_table([answers[number] for number in sorted(answers)]))
+    return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
+
+
+def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
+    """Logs that files and folders stand for, folders with all below them, each once; an empty folder is refused."""
+    logs: dict[str, Path] = {}
+    for path in paths:
+        inside = [path]
+        if path.is_dir():
+            inside = sorted(file for file in path.rglob("*") if _is_log(file))
+            if not inside:
+                raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
+        for file in inside:
+            logs.setdefault(os.path.realpath(file), file)
+    if left_out:
+        logs.pop(os.path.realpath(left_out), None)
+    if not logs:
+        raise Refusal(f"{left_out}: no log, a table of answers")
+    return list(logs.values())
+
+
+def _is_log(file: Path) -> bool:
+    return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
+
+
+def run_batch(
+    batch: Batch, jobs: int = -1, journal: Path | None = None, draw: Draw | None = None
+) -> Iterator[tuple[int, Estimate]]:
+    """Examine many logs; their numbers and answers come in any order.
+
+    Answers are written into a journal, by which a run goes on where another was interrupted. `draw` is called with the
+    name of a figure and each answer that has a fit.
+    """
+    if jobs == 0 or jobs < -1:
+        raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
+    calls = dict(enumerate(zip(batch.logs, batch.settings, strict=True)))
+    earlier = read_journal(journal) if journal else {}
+    keys = {number: _key(*call) for number, call in calls.items()} if journal else {}
+    for number, key in keys.items():
+        if key in earlier:
+            yield number, replace(earlier[key], file=name_of(calls.pop(number)[0]))
+    if jobs < 0 and len(calls) < _WORTH_PROCESSES:
+        jobs = 1
+    each = tqdm(
+        _examine_each(calls, jobs, draw), total=len(calls), unit="log", disable=None, leave=False
+    )
+    for number, answer in each:
+        yield number, answer
+        if journal:
+            with journal.open("a", encoding="utf-8") as file:
+                row = {name: value for name, value in vars(answer).items() if name != "trace"}
+                file.write(json.dumps({"key": keys[number], **row}) + "\n")
+
+
+def _key(log: object, settings: Settings | Refusal) -> str:
+    """What the answer on a log in its present state is kept under."""
+    path = Path(os.path.realpath(name_of(log)))
+    state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
+    how = str(settings)
+    if isinstance(settings, Settings) and settings.calibration:
+        how = f"{settings.form} {settings.calibration.to_json()}"
+    return str(joblib.hash(repr((__version__, path, state, how))))
+
+
+def read_journal(journal: Path) -> dict[str, Estimate]:
+    """Answers of an interrupted run by their keys; a last line may be torn."""
+    answers = {}
+    text = journal.read_text("utf-8", "replace") if journal.exists() else ""
+    if journal.is_symlink() or (text and not text.startswith('{"key": ')):
+        raise Refusal(f"{journal}: holds no answers of a run before; name another --out")
+    for line in text.splitlines():
+        with suppress(ValueError, TypeError, KeyError):
+            row = {name: _as_tuple(value) for name, value in json.loads(line).items()}
+            key = row.pop("key")
+            answers[key] = Estimate(**row)
+    return answers
+
+
+def _as_tuple(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: tuple(pair) for name, pair in value.items()}
+    return tuple(value) if isinstance(value, list) else value
+
+
+def examine_or_refuse(log: object, settings: Settings | Refusal) -> Estimate:
+    """Examine one log; say why where that fails, in whatever way."""
+    try:
+        if isinstance(settings, Refusal):
+            raise settings
+        return examine(log, settings)
+    except Refusal as refusal:
+        return _unusable(log, str(refusal))
+    except Exception as error:  # one log must not stop a thousand others
+        return _unusable(log, f"{name_of(log)}: {type(error).__name__}: {error}")
+
+
+def _unusable(log: object, why: str) -> Estimate:
+    return Estimate(name_of(log), reason=Reason.UNUSABLE.value, explanation=one_line(why))
+
+
+def _examine_each(
+    calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, draw: Draw | None
+) -> Iterator[tuple[int, Estimate]]:
+    """Examine each numbered log.
+
+    A process that dies takes others with it and does not say on which log: what is left is tried again in halves.
+    """
+    left = dict(calls)
+    # Of a run that stops on a full disk; it says so itself.
+    warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
+    tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
+    with suppress(BrokenProcessPool):
+        for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
+            del left[number]
+            yield number, answer
+    if len(left) == 1:
+        [(number, (log, _))] = left.items()
+        yield number, _unusable(log, f"{name_of(log)}: the process that read it died; too large?")
+    elif left:
+        again = list(left.items())
+        for half in (again[::2], again[1::2]):
+            yield from _examine_each(dict(half), jobs, draw)
+
+
+def _examine_one(
+    number: int, log: object, settings: Settings | Refusal, draw: Draw | None
+) -> tuple[int, Estimate]:
+    with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
+        answer = examine_or_refuse(log, settings)
+        if draw and answer.trace:
+            name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
+            draw(f"{number + 1:05d}_{name}.png", answer)
+    return number, replace(answer, trace=None)
+
+
+def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
+    """Answers as a tidy table: intervals, and quantities with their SDs, in two columns each."""
+    return pd.DataFrame([_row(answer) for answer in answers])
+
+
+def _row(answer: Estimate) -> dict[str, object]:
+    row: dict[str, object] = {}
+    for name, value in answer.to_dict().items():
+        if "_interval_" in name:
+            for end, each in zip(("low", "high"), value or (np.nan, np.nan), strict=True):
+                row[name.replace("interval", end)] = each
+        elif name == "joint":
+            for quantity, (each, sd) in (value or {}).items():
+                row |= {quantity: each, f"{quantity}_sd": sd}
+        else:
+            row[name] = np.nan if value is None else value
+    row["file"] = escape(answer.file)
+    row["reason"] = answer.reason or ""
+    row["notes"] = "; ".join(answer.notes)
+    return row
+
+
+def is_unusable(answer: Estimate) -> bool:
+    """Whether a log could not be used."""
+    return answer.verdict == CANNOT_TELL and answer.reason == Reason.UNUSABLE.value

@@ -1,0 +1,408 @@
+"""From a log to its answer: the backlash, none, or why that cannot be told."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from backlash import __version__, turns
+from backlash.amplitude import measure_amplitude
+from backlash.calibration import Calibration, describe_source, example_calibration, fit_calibration
+from backlash.reading.prepare import Log, open_log
+from backlash.reading.sources import name_of
+from backlash.refusals import Reason, Refusal, one_line
+from backlash.settings import AMPLITUDE, TORQUE, WAVEFORM, Given, Settings, settings_for
+from backlash.torque import NORMAL_95, TorqueFit, fit_torque
+from backlash.waveform import match
+from replication.records import Recording
+from replication.signature import FloatArray
+
+BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
+# Of the turn's energy, gravity's part aside, that a calibration has to explain; within the paper's range it explains
+# 0.96 or more.
+_LEAST_EXPLAINED = 0.8
+_NO_TORQUE = "the speed alone gives an index of this joint in this movement, no backlash: log the torque, or calibrate"
+_HOLDS_FOR = "holds for the stiffness and the drive of the calibration's logs: after a change of either, calibrate anew"
+
+
+class Trace(NamedTuple):
+    """What was fitted: time [s], the measured signal and the model's, both at the samples, and the signal's name."""
+
+    t: FloatArray
+    measured: FloatArray
+    model: FloatArray
+    signal: str
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The answer on one log; what is not known is None. The backlash is half of the total play; `print` shows it."""
+
+    file: str
+    verdict: str = CANNOT_TELL  # or "backlash", "no backlash"
+    reason: str | None = None  # of "cannot tell", a value of `Reason`
+    explanation: str = ""  # a sentence
+    backlash_rad: float | None = None  # half of the play: the teeth are free over twice that
+    backlash_interval_rad: tuple[float, float] | None = None  # 95 %
+    amplitude_rps: float | None = None  # A of the signature, of methods without a torque
+    amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
+    method: str = AMPLITUDE
+    chi_squared: float | None = None  # per compared number; about 1 where model and noise are right
+    # By the torque: stiffness K_s / J_l, damping ratio, load friction over gravity, loss, gravity m g r / J_l, inertia
+    # ratio, motor inertia in the torque's unit, delay and lag; each with its SD.
+    joint: dict[str, tuple[float, float]] | None = None
+    turn_period_s: float | None = None  # of the load
+    speed_rps: float | None = None  # of the signal's side, in the mean
+    samples: int = 0  # of the record that was used
+    arm_m: float | None = None  # at which the play is wanted, too
+    columns: str = ""  # that were read, with their units
+    notes: tuple[str, ...] = ()  # what was done and assumed
+    sha256: str | None = None  # of the log file's bytes
+    calibration: str = ""  # what it was made from
+    trace: Trace | None = field(default=None, compare=False, repr=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The attributes but the trace, in order, ready for JSON, then the total play and the version."""
+        row = {name: value for name, value in vars(self).items() if name != "trace"}
+        half, ends = self.backlash_rad, self.backlash_interval_rad
+        return row | {
+            "total_play_rad": None if half is None else 2 * half,
+            "total_play_interval_rad": ends and (2 * ends[0], 2 * ends[1]),
+            "version": __version__,
+        }
+
+    def __str__(self) -> str:
+        """The answer for people: a line with it, then one for each number and each note."""
+        lines = [one_line(f"{self.file}: {self.summary}")]
+        if self.amplitude_rps and self.amplitude_interval_rps:
+            low, high = self.amplitude_interval_rps
+            lines.append(
+                f"  amplitude {self.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), an index: compare it only with "
+                "logs of this joint in this movement"
+            )
+        if self.joint:
+            lines += [f"  {line}" for line in describe_joint(self.joint)]
+        if self.columns:
+            lines.append(f"  columns: {one_line(self.columns)}")
+        if self.turn_period_s:
+            fit = "" if self.chi_squared is None else f", chi squared {self.chi_squared:.2f}"
+            lines.append(
+                f"  method {self.method}, {self.samples} samples, turn of {self.turn_period_s:.5g} s{fit}"
+            )
+        return "\n".join([*lines, *(f"  note: {one_line(note)}" for note in self.notes)])
+
+    @property
+    def summary(self) -> str:
+        """The answer in a line."""
+        if self.backlash_rad is None or self.backlash_interval_rad is None:
+            return f"{CANNOT_TELL}: {self.reason}: {self.explanation}"
+        low, high = (1e3 * end for end in self.backlash_interval_rad)
+        if self.verdict == NONE:
+            return f"no backlash (less than {high:.3f} mrad, half of the play)"
+        told = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
+        also = f"{60 * np.degrees(self.backlash_rad):.2f} arcmin"
+        if self.arm_m:
+            also += f", {1e3 * self.backlash_rad * self.arm_m:.3f} mm at {self.arm_m:g} m"
+        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
+
+
+def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
+    """Quantities that a user may compare with the data sheet."""
+    ring_hz = np.sqrt(joint["stiffness_per_s2"][0]) / (2 * np.pi)
+    return [
+        f"stiffness {joint['stiffness_per_s2'][0]:.3g} per s^2 of the load's inertia ({ring_hz:.1f} Hz with the motor "
+        f"held), gear efficiency {1 / (1 + joint['loss'][0]):.2f}, load friction {joint['friction_share'][0]:.1%} of "
+        "gravity: as in the data sheet?",
+        f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2 (the backlash is proportional to it), inertia ratio "
+        f"{joint['inertia_ratio'][0]:.3g}, motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
+        f"{joint['torque_delay_ms'][0]:.1f} ms late",
+    ]
+
+
+def read_log(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) -> Log:
+    """Read a log's stretch of constant speed; parameters as in `estimate`.
+
+    Returns
+    -------
+    Log
+        Its `recording` has t [s] and v [rps], each of shape (samples,).
+
+    Raises
+    ------
+    Refusal
+        The file is no usable log, or too short or uneven for any answer.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> log = backlash.read_log("log.csv", gear_ratio=40)
+    >>> print(log.recording.v.size, round(log.recording.turn_period_s, 4))
+    2401 0.4
+    """
+    form = settings_for(log, {"method": None, **given}).form
+    return open_log(log, form, v, given.get("torque"))
+
+
+def estimate(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) -> Estimate:
+    """Estimate the backlash, which is half of the total play, that a log tells of.
+
+    Parameters
+    ----------
+    log : str, Path, DataFrame, Log, or array of shape (samples,)
+        A file, "-" for the standard input, a table, what `read_log` returned, or the time stamps [s] of `v`.
+    v : array of shape (samples,), optional
+        Motor speed, in rps or in `unit`; with `position=True` its position, in the turns (rps), rad (rad/s) or counts
+        that go with `unit`.
+    turn_period_s, gear_ratio : float
+        Of the load [s], and motor turns in a load turn (1 where the signals are the joint's); one is needed.
+    torque : str or array of shape (samples,), optional
+        Column, or the motor's torque or current, positive where it drives forward, in any unit. Needs
+        `inertia_ratio`, J_l / (N^2 J_m), and `gravity_per_s2`, m g r / J_l, of the load, or `gear_ratio`,
+        `motor_inertia_kgm2`, `load_mass_kg`, `load_arm_m`, and `load_inertia_kgm2` about the joint's axis if the load
+        is no point; `inertia_sd` (0.1) and `gravity_sd` (0.05) are relative SDs.
+    calibration : Calibration or path, optional
+        Of your joint: method "waveform".
+    method : str, optional
+        "torque", "waveform" (without a calibration that of the paper's joint, an example) or "amplitude"; by default
+        the first that the rest allows. "amplitude" gives the paper's index A, never a backlash.
+    **given
+        `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `rate_hz`, `commanded_speed_rps`, `start_s`,
+        `end_s`, `speed_tolerance`, `trust_period`: as the command line's options.
+
+    Returns
+    -------
+    Estimate
+        `verdict` ("backlash", "no backlash" or "cannot tell" with `reason` and `explanation`), `backlash_rad` with its
+        95 % `backlash_interval_rad`, `joint` (quantities with SDs), `chi_squared`, `columns`, `notes`, and `trace` with
+        what was measured and the model; None where nothing is known.
+
+    Raises
+    ------
+    Refusal
+        The log, the calibration or what is given of them cannot be used.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> answer = backlash.estimate(t, v, torque=torque, gear_ratio=100, inertia_ratio=2.0, gravity_per_s2=30.0)
+    >>> print(answer.verdict, answer.backlash_rad, answer.backlash_interval_rad)
+    backlash 0.001 (0.0009, 0.0011)
+    """
+    return examine(log, settings_for(log, given), v, given.get("torque"))
+
+
+def examine(
+    log: object, settings: Settings, v: ArrayLike | None = None, torque: ArrayLike | None = None
+) -> Estimate:
+    """Answer for a log, wherever it comes from."""
+    calibration = settings.calibration.provenance if settings.calibration else ""
+    answer = Estimate(
+        name_of(log), method=settings.method, calibration=calibration, arm_m=settings.arm_m
+    )
+    try:
+        read = open_log(log, settings.form, v, torque)
+    except Refusal as refusal:
+        if refusal.is_unusable:
+            raise
+        return _refused(answer, refusal)
+    answer = replace(
+        answer,
+        file=read.file,
+        sha256=read.sha256,
+        samples=read.recording.t.size,
+        turn_period_s=read.recording.turn_period_s,
+        speed_rps=float(read.recording.v.mean()),
+        columns=read.columns,
+        notes=read.notes,
+    )
+    try:
+        read = _with_own_period(read)
+        answer = replace(answer, turn_period_s=read.recording.turn_period_s, notes=read.notes)
+        return _ANSWERS[settings.method](read, settings, answer)
+    except Refusal as refusal:
+        return _refused(answer, refusal)
+
+
+def _refused(answer: Estimate, refusal: Refusal) -> Estimate:
+    """The answer with the reason why there is none."""
+    notes = (*answer.notes, *refusal.notes)
+    return replace(
+        answer,
+        reason=refusal.reason.value,
+        explanation=refusal.sentence,
+        columns=answer.columns or refusal.columns,
+        notes=notes,
+    )
+
+
+def _with_own_period(log: Log) -> Log:
+    """The log with the period that its turns have; of a torque gravity's, which no other line may dominate."""
+    recording, given = log.recording, log.recording.turn_period_s
+    if log.form.trust_period:
+        return log
+    if log.torque is None:
+        period = turns.period_by_energy(recording, recording.v)
+    else:
+        other = turns.dominant_period(recording, log.torque)
+        period = other or turns.period_by_torque(recording, log.torque)
+        if not turns.is_near_period(recording, period):
+            ratio = log.form.gear_ratio
+            instead = (
+                f"--gear-ratio {ratio * period / given:.4g}"
+                if ratio
+                else f"--turn-period {period:.4g}"
+            )
+            raise Refusal(
+                f"the torque's strongest line comes every {period:.4g} s, not every {given:.4g} s: if it is gravity's, "
+                f"{instead}; if the turn given is right, --trust-period",
+                Reason.WRONG_PERIOD,
+            )
+    if turns.is_same_period(recording, period):
+        return log
+    note = f"the record repeats itself every {period:.5f} s, not every {given:.5f} s: used that"
+    own = replace(recording, turn_period_s=period)
+    return replace(log, recording=own, notes=(*log.notes, note))
+
+
+def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimate:
+    """Answer by speed and torque."""
+    if log.torque is None or settings.load is None:
+        raise Refusal("the log was read without its torque: give torque to read_log")
+    try:
+        fit = fit_torque(log.recording, log.torque, settings.load)
+    except Refusal as refusal:
+        raise Refusal(refusal.sentence, refusal.reason, notes=(str(settings.load),)) from refusal
+    if fit.is_none and log.is_links_side:
+        raise Refusal(
+            "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
+            Reason.JOINTS_SIDE,
+        )
+    trace = Trace(log.recording.t, log.torque, fit.model_torque, "torque [log's unit]")
+    notes = (*answer.notes, str(settings.load), *_torque_unit(fit, settings))
+    return replace(
+        answer,
+        verdict=NONE if fit.is_none else BACKLASH,
+        backlash_rad=0.0 if fit.is_none else fit.delta_rad,
+        backlash_interval_rad=(0.0, fit.interval_rad[1]) if fit.is_none else fit.interval_rad,
+        chi_squared=fit.chi_squared,
+        joint=fit.joint,
+        notes=notes,
+        trace=trace,
+    )
+
+
+def _torque_unit(fit: TorqueFit, settings: Settings) -> Sequence[str]:
+    """The torque's unit, by a motor inertia that is known."""
+    if settings.load is None or settings.load.motor_inertia_kgm2 is None:
+        return ()
+    unit = settings.load.motor_inertia_kgm2 / fit.joint["motor_inertia"][0]
+    return (f"the torque's unit is {unit:.3g} N m (of a current: the torque constant): right?",)
+
+
+def _answer_by_waveform(log: Log, settings: Settings, answer: Estimate) -> Estimate:
+    """Answer by a calibration."""
+    calibration, recording = settings.calibration or example_calibration(), log.recording
+    if difference := calibration.other_movement(recording):
+        raise Refusal(f"{difference}; calibrate at the speed of the logs", Reason.OTHER_MOVEMENT)
+    found = match(recording, calibration.bank, settings.is_own)
+    model = turns.periodic(found.model.coefficient, found.model.order, turns.turn_phases(recording))
+    answer = replace(
+        with_amplitude(answer, recording),
+        chi_squared=found.chi_squared,
+        notes=(*answer.notes, _HOLDS_FOR if settings.is_own else calibration.provenance),
+        trace=Trace(recording.t, recording.v, recording.v.mean() + model, "motor speed [rps]"),
+    )
+    if found.explained < _LEAST_EXPLAINED:
+        why = (
+            f"the calibration explains {max(found.explained, 0.0):.0%} of what repeats itself every turn; another "
+            "stiffness or drive, much friction, or another cause"
+        )
+        return _refused(answer, Refusal(why, Reason.NO_SIGNATURE))
+    if found.at_end:
+        low, high = (1e3 * end for end in calibration.range_rad)
+        why = (
+            f"the best match, {1e3 * found.delta_rad:.3g} mrad, is the end of the calibration's range, {low:.3g} to "
+            f"{high:.3g} mrad"
+        )
+        return _refused(answer, Refusal(why, Reason.EXTRAPOLATED))
+    half = NORMAL_95 * float(np.hypot(found.sd_rad, calibration.uncertainty_rad))
+    return replace(
+        answer,
+        verdict=BACKLASH,
+        backlash_rad=found.delta_rad,
+        backlash_interval_rad=(max(found.delta_rad - half, 0.0), found.delta_rad + half),
+    )
+
+
+def _answer_by_amplitude(log: Log, settings: Settings, answer: Estimate) -> Estimate:
+    """The paper's index, where nothing tells the backlash."""
+    return _refused(with_amplitude(answer, log.recording), Refusal(_NO_TORQUE, Reason.NO_TORQUE))
+
+
+def with_amplitude(answer: Estimate, recording: Recording) -> Estimate:
+    """The answer with the signature's amplitude, if the mean turn has one."""
+    found = measure_amplitude(recording)
+    if found is None:
+        return answer
+    interval = (
+        found.amplitude_rps - found.half_width_rps,
+        found.amplitude_rps + found.half_width_rps,
+    )
+    trace = Trace(recording.t, recording.v, found.model_rps, "motor speed [rps]")
+    return replace(
+        answer,
+        amplitude_rps=found.amplitude_rps,
+        amplitude_interval_rps=(max(interval[0], 0.0), interval[1]),
+        trace=trace,
+    )
+
+
+_ANSWERS = {
+    TORQUE: _answer_by_torque,
+    WAVEFORM: _answer_by_waveform,
+    AMPLITUDE: _answer_by_amplitude,
+}
+
+
+def calibrate(
+    logs: Sequence[object], delta_rad: Sequence[float], **given: Unpack[Given]
+) -> Calibration:
+    """Calibrate on logs of one joint in one movement; other parameters are those of `estimate`.
+
+    Parameters
+    ----------
+    logs : sequence of logs
+        Paths, tables, or what `read_log` returned.
+    delta_rad : sequence of float
+        Their known backlashes, half of the total play [rad]; six different ones or more.
+
+    Returns
+    -------
+    Calibration
+        With its `uncertainty_rad` and `range_rad`; `to_json` gives the text of its file.
+
+    Raises
+    ------
+    Refusal
+        A log cannot be used, there are too few levels, several movements, a negative backlash, no monotonic relation,
+        or the uncertainty is more than a quarter of the range.
+
+    Examples
+    --------
+    >>> import backlash
+    >>> own = backlash.calibrate(logs, known_rad, turn_period_s=0.4)
+    >>> print(own.range_rad)
+    (0.0004, 0.0016)
+    """
+    recordings = []
+    for log in logs:
+        try:
+            read = open_log(log, settings_for(log, given).form)
+            recordings.append(_with_own_period(replace(read, torque=None)).recording)
+        except Refusal as refusal:
+            if refusal.is_unusable:
+                raise
+            raise Refusal(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
+    return fit_calibration(recordings, delta_rad, describe_source(recordings))

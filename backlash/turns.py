@@ -1,0 +1,150 @@
+"""The mean turn of a record: its harmonics, the noise beside each of them, and the turn's period.
+
+What repeats itself from turn to turn lies at the harmonics of the turn; between them lies noise alone, of whatever
+colour.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
+
+from replication.records import Recording
+from replication.signature import FloatArray
+
+TURN = 2 * np.pi
+ComplexArray = NDArray[np.complex128]
+
+_BESIDE = 3  # harmonics to either side whose surroundings tell a harmonic's noise: some 70 numbers for 12 turns
+_PERIOD_TOLERANCE = 0.005  # a gear ratio is exact; a load's turn that is given is read off a clock
+_DRIFT_S = 2.5e-3  # over the record: a twentieth of a ring's period (21 Hz), which does not blur it
+_OCTAVES = 3  # a wrong gear ratio is off by less than eight
+_DOMINATES = (
+    3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
+)
+_PHASES = 512
+_RING_HZ = 60.0  # no joint rings faster
+_BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
+
+
+class Harmonics(NamedTuple):
+    """Fourier coefficients of exp(i k angle) of the mean turn, k = 1, 2, ...; the angle is 0 where the turns begin."""
+
+    order: NDArray[np.int64]
+    omega: FloatArray  # [rad/s]
+    coefficient: ComplexArray
+    sd: FloatArray  # of the noise in the real and in the imaginary part
+
+
+def settled_turns(recording: Recording, signal: FloatArray) -> FloatArray:
+    """Whole turns up to the record's end, without half a turn or more, in which a drive settles; (turns, phases).
+
+    They are resampled, so that each has the same whole number of phases.
+    """
+    samples = recording.turn_period_s / recording.sample_s
+    whole = signal.size / samples
+    turns = int(whole - 0.5) if whole > 2.5 else int(whole + 1e-6)
+    if turns < 1 or samples < 16:
+        raise ValueError(
+            f"{turns} settled turns of {samples:.0f} samples; one turn of 16 is needed"
+        )
+    phases = int(np.ceil(samples - 1e-3))
+    places = signal.size - turns * samples + np.arange(turns * phases) * samples / phases
+    # The last sample stands for the time to the next one, too.
+    resampled = CubicSpline(np.arange(signal.size), signal)(np.minimum(places, signal.size - 1))
+    return resampled.reshape(turns, phases)
+
+
+def harmonics(recording: Recording, signal: FloatArray, fastest_hz: float) -> Harmonics:
+    """Harmonics of the mean settled turn up to a frequency, or to 0.45 of the sampling rate."""
+    rows = settled_turns(recording, signal)
+    turns, y = len(rows), rows.ravel()
+    if turns > 1:
+        drift = (rows[-1].mean() - rows[0].mean()) / (y.size - rows.shape[1])
+        y = y - drift * np.arange(y.size)
+    bins = np.fft.rfft(y - y.mean()) / y.size
+    last = int(min(fastest_hz, 0.45 / recording.sample_s) * recording.turn_period_s)
+    order = np.arange(1, last + 1)
+    power = np.abs(bins[: bins.size // turns * turns].reshape(-1, turns)[:, 1:]) ** 2 / 2
+    # Row k lies between harmonics k and k + 1.
+    beside = (
+        uniform_filter1d(power.mean(axis=1), 2 * _BESIDE, mode="nearest")
+        if turns > 1
+        else np.zeros(last + 1)
+    )
+    omega = np.asarray(TURN / recording.turn_period_s * order, dtype=float)
+    return Harmonics(order, omega, bins[turns * order], np.sqrt(beside[order]))
+
+
+def turn_phases(recording: Recording) -> FloatArray:
+    """Phase of each sample in turns, 0 where the settled turns begin."""
+    samples = recording.turn_period_s / recording.sample_s
+    return (np.arange(recording.t.size) - recording.t.size) / samples % 1.0
+
+
+def periodic(coefficient: ComplexArray, order: NDArray[np.int64], phase: FloatArray) -> FloatArray:
+    """Sum of some harmonics at phases in turns."""
+    grid = np.zeros(16 * int(order.max()) + 1, dtype=complex)
+    grid[order] = coefficient
+    wave = np.fft.irfft(grid, 2 * (grid.size - 1)) * 2 * (grid.size - 1)
+    return np.interp(phase, np.arange(wave.size) / wave.size, wave, period=1.0)
+
+
+def gravity_by_turn(recording: Recording, torque: FloatArray) -> ComplexArray:
+    """Gravity's line of each whole turn, as the Fourier coefficient at once a turn."""
+    angle = recording.t / recording.turn_period_s
+    turn = angle.astype(np.int64)
+    whole = turn < int(angle[-1] + 1e-3)
+    wave = (torque - torque.mean()) * np.exp(-1j * TURN * angle)
+    parts = [np.bincount(turn[whole], part[whole]) for part in (wave.real, wave.imag)]
+    return np.asarray((parts[0] + 1j * parts[1]) / np.bincount(turn[whole]))
+
+
+def period_by_torque(recording: Recording, torque: FloatArray) -> float:
+    """The turn's period [s] near the one given, by gravity's line in the torque: the drift of its phase."""
+    phase = np.unwrap(np.angle(gravity_by_turn(recording, torque)))
+    slope = np.polyfit(np.arange(phase.size), phase, 1)[0]
+    return recording.turn_period_s / (1 + slope / TURN)
+
+
+def dominant_period(recording: Recording, torque: FloatArray) -> float | None:
+    """The period [s] of a line in the torque that is much stronger than the given turn's own; None without one."""
+    given = recording.turn_period_s
+    wave = (torque - torque.mean()) * np.hanning(torque.size)
+    size = 8 * torque.size
+    hz = np.fft.rfftfreq(size, recording.sample_s)
+    power = np.abs(np.fft.rfft(wave, size))
+    lasts = torque.size * recording.sample_s
+    own = power[np.abs(hz - 1 / given) < 0.5 / lasts].max(initial=0.0)
+    tried = (hz > max(2**-_OCTAVES / given, 2 / lasts)) & (hz < 2**_OCTAVES / given)
+    best = np.flatnonzero(tried)[power[tried].argmax()]
+    return float(1 / hz[best]) if power[best] > _DOMINATES * own else None
+
+
+def period_by_energy(recording: Recording, signal: FloatArray) -> float:
+    """The turn's period [s] near the one given by which the mean turn has the most energy."""
+    given = recording.turn_period_s
+    reach = min(_PERIOD_TOLERANCE, 0.5 * given / recording.t[-1])
+    tried = given * (1 + np.linspace(-reach, reach, 81))
+    turns = int(recording.t[-1] / given)
+    phases = np.arange(_PHASES) / _PHASES + np.arange(turns)[:, None]
+    # Up to the ring: the motor's own orders are no property of the load's turn.
+    last = min(int(_RING_HZ * given), _PHASES // 4)
+    energy = np.empty(tried.size)
+    for k, period in enumerate(tried):
+        rows = np.interp(period * phases, recording.t, signal - signal.mean())
+        energy[k] = np.square(np.abs(np.fft.rfft(rows.mean(axis=0))[1 : last + 1])).sum()
+    best = int(energy.argmax())
+    return float(tried[best]) if energy[best] > _BETTER * energy[tried.size // 2] else given
+
+
+def is_same_period(recording: Recording, period_s: float) -> bool:
+    """Whether turns of a period drift by too little to blur the record's own."""
+    return abs(period_s / recording.turn_period_s - 1) * recording.t[-1] < _DRIFT_S
+
+
+def is_near_period(recording: Recording, period_s: float) -> bool:
+    """Whether a period may be the one given, read off a clock."""
+    return abs(period_s / recording.turn_period_s - 1) < _PERIOD_TOLERANCE

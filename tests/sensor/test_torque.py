@@ -1,0 +1,181 @@
+"""The backlash by the motor's torque, on joints and drives that the sensor's model does not share code with."""
+
+import numpy as np
+import pytest
+
+import backlash
+from backlash import Reason
+from studies.benches import BenchLog, Fault, draw_turns
+
+DELTA = 9e-4
+
+
+def given(log: BenchLog, **others) -> dict:
+    load = {"inertia_ratio": log.inertia_ratio, "gravity_per_s2": log.gravity_per_s2}
+    return load | {"gear_ratio": log.gear_ratio, "unit": "rps"} | others
+
+
+def answer(log: BenchLog, **others) -> backlash.Estimate:
+    return backlash.estimate(log.t, log.v, torque=log.torque, **given(log, **others))
+
+
+def is_covered(found: backlash.Estimate, delta: float) -> bool:
+    low, high = found.backlash_interval_rad or (np.inf, np.inf)
+    return found.verdict == "backlash" and low < delta < high
+
+
+@pytest.fixture(scope="module")
+def plain() -> BenchLog:
+    return draw_turns(np.random.default_rng((31, 0)), DELTA, 0.15, 0.1)
+
+
+@pytest.fixture(scope="module")
+def answered(plain) -> backlash.Estimate:
+    return answer(plain)
+
+
+def test_the_backlash_the_loss_and_the_friction_are_within_their_intervals(answered):
+    assert is_covered(answered, DELTA)
+    loss, sd = answered.joint["loss"]
+    assert loss == pytest.approx(0.1, abs=max(3 * sd, 0.02))
+    friction, _ = answered.joint["friction_share"]
+    assert friction == pytest.approx(0.15, abs=0.05)
+    assert answered.chi_squared < 1.5
+
+
+def test_the_answer_shows_what_it_rests_on(plain, answered):
+    text = str(answered)
+    for words in ("gear efficiency 0.9", "as in the data sheet?", "chi squared", "stiffness"):
+        assert words in text
+    trace = answered.trace
+    left = trace.measured - trace.model
+    assert np.std(left) < 0.25 * np.std(trace.measured)
+    assert np.std(left) > 0  # the model is not the record's own mean
+    assert trace.measured == pytest.approx(plain.torque)
+    assert answered.to_dict()["joint"]["stiffness_per_s2"][1] > 0
+
+
+def test_the_torque_s_unit_does_not_matter(plain, answered):
+    scaled = answer(plain._replace(torque=37 * plain.torque))
+    assert scaled.backlash_rad == pytest.approx(answered.backlash_rad, rel=1e-3)
+    inertias = [each.joint["motor_inertia"][0] for each in (scaled, answered)]
+    assert inertias[0] == pytest.approx(37 * inertias[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("change", ["last bit", "one sample less"])
+def test_what_does_not_matter_moves_no_answer_by_a_percent(plain, answered, change):
+    if change == "last bit":
+        moved = plain._replace(v=(1 + 1e-9) * plain.v, torque=(1 + 1e-9) * plain.torque)
+    else:
+        moved = plain._replace(t=plain.t[:-1], v=plain.v[:-1], torque=plain.torque[:-1])
+    assert answer(moved).backlash_rad == pytest.approx(answered.backlash_rad, rel=0.01)
+
+
+@pytest.mark.parametrize(("number", "loss"), [(1, 0.02), (2, 0.25), (3, 0.4)])
+def test_a_gear_that_loses_torque_is_answered(number, loss):
+    log = draw_turns(np.random.default_rng((31, number)), DELTA, 0.1, loss)
+    assert is_covered(answer(log), DELTA)
+
+
+def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
+    log = draw_turns(np.random.default_rng((31, 4)), 0.0, 0.2, 0.1)
+    found = answer(log)
+    assert found.verdict == "no backlash"
+    assert found.backlash_interval_rad[1] < 5e-5
+    side = log._replace(v=log.v / log.gear_ratio, gear_ratio=1.0)
+    found = answer(side)
+    assert (found.verdict, found.reason) == ("cannot tell", Reason.JOINTS_SIDE.value)
+
+
+FAULTS = {
+    Reason.NOT_PERIODIC: Fault(second_axis=0.2),
+    Reason.NO_FIT: Fault(transmission_rad=5e-4, transmission_order=3),
+}
+
+
+@pytest.mark.parametrize(("reason", "fault"), FAULTS.items(), ids=[each.name for each in FAULTS])
+def test_what_the_model_lacks_is_refused_for_its_reason(reason, fault):
+    log = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault=fault)
+    found = answer(log)
+    assert (found.verdict, found.reason) == ("cannot tell", reason.value)
+
+
+def test_a_late_torque_is_refused_by_its_delay():
+    log = draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault=Fault(late_torque_s=0.01))
+    assert "ms too late" in answer(log).explanation
+
+
+def test_friction_and_losses_above_gravity_are_no_answer():
+    found = answer(draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15))
+    assert found.reason == Reason.NO_REVERSAL.value
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_wrong_gear_ratio_is_refused_and_the_right_one_named(plain, factor):
+    found = answer(plain, gear_ratio=factor * plain.gear_ratio)
+    assert found.reason == Reason.WRONG_PERIOD.value
+    assert f"--gear-ratio {plain.gear_ratio:.0f}" in found.explanation
+
+
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [
+        (lambda torque: -torque, "positive where it drives forward"),
+        (lambda torque: np.random.default_rng(3).normal(1, 0.1, torque.size), "SDs"),
+    ],
+    ids=["wrong sign", "noise"],
+)
+def test_a_torque_without_gravity_is_refused_with_its_significance(plain, torque, words):
+    found = answer(plain._replace(torque=torque(plain.torque)), trust_period=True)
+    assert found.reason == Reason.NO_GRAVITY.value
+    assert words in found.explanation
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"inertia_ratio": 0.0},
+        {"gravity_per_s2": np.nan},
+        {"inertia_sd": -0.1},
+        {"gravity_sd": 10.0},
+    ],
+)
+def test_a_load_that_cannot_be_is_refused(plain, wrong):
+    with pytest.raises(backlash.Refusal, match="above 0"):
+        answer(plain, **wrong)
+
+
+def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain, answered):
+    inertia = 1e-4 * plain.inertia_ratio * plain.gear_ratio**2
+    masses = {
+        "motor_inertia_kgm2": 1e-4,
+        "load_mass_kg": 60,
+        "load_arm_m": plain.gravity_per_s2 * inertia / (60 * 9.81),
+        "load_inertia_kgm2": inertia,
+    }
+    known = {"gear_ratio": plain.gear_ratio, "unit": "rps", "torque": plain.torque}
+    found = backlash.estimate(plain.t, plain.v, **known, **masses)
+    assert found.backlash_rad == pytest.approx(answered.backlash_rad, rel=0.01)
+    assert any("N m" in note for note in found.notes)
+    with pytest.raises(backlash.Refusal, match="give --motor-inertia and --load-arm too"):
+        backlash.estimate(plain.t, plain.v, **known, load_mass_kg=20)
+    with pytest.raises(backlash.Refusal, match="by its ratios or by its masses"):
+        backlash.estimate(plain.t, plain.v, **known, **masses, inertia_ratio=2)
+
+
+@pytest.mark.slow
+def test_three_of_four_joints_are_answered_and_no_answer_is_wrong():
+    told = []
+    for number in range(24):
+        rng = np.random.default_rng((151, number))
+        delta = 0.0 if number % 6 == 5 else float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3))))
+        log = draw_turns(rng, delta, rng.uniform(0, 0.6), rng.uniform(0, 0.25))
+        inertia, gravity = np.exp(rng.standard_normal(2) * (0.1, 0.05))
+        load = {"inertia_ratio": inertia * log.inertia_ratio}
+        found = answer(log, **load, gravity_per_s2=gravity * log.gravity_per_s2)
+        assert found.verdict != ("backlash" if delta == 0 else "no backlash")
+        if delta:
+            told.append((found.verdict == "backlash", is_covered(found, delta)))
+    answered, covered = np.sum(told, axis=0)
+    assert answered >= 0.75 * len(told)
+    assert covered >= 0.9 * answered
