@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from replication.files import ROOT
+from replication.records import ROOT
 from workbook.animation import flipbook
 from workbook.outcomes import export, show_figure
 from workbook.parameters import Interval, ParameterError, check_parameters, explain, sliders

@@ -20,8 +20,8 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication.files import ROOT, UserError, write_text
-from replication.processors import pinned_environment
+from replication import pinned_environment
+from replication.records import ROOT, UserError, write_text
 from workbook.checkout import OFFLINE
 
 CELL_TIMEOUT_S = 900
