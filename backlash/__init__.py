@@ -16,13 +16,13 @@ _MODULE_OF = {
     "Log": "reading.prepare",
     "Reason": "refusals",
     "Refusal": "refusals",
-    "Trend": "trend",
+    "Trend": "trends",
     "calibrate": "estimates",
     "estimate": "estimates",
     "estimate_many": "batch",
     "read_log": "estimates",
-    "trend": "trend",
-    "trend_many": "trend",
+    "trend": "trends",
+    "trend_many": "trends",
 }
 __all__ = list(_MODULE_OF)
 

@@ -4,14 +4,14 @@ import json
 import os
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, TypeAlias, Unpack
 
 import joblib
 import numpy as np
@@ -21,14 +21,16 @@ from tqdm import tqdm
 from backlash import __version__
 from backlash.calibration import read_calibration
 from backlash.estimates import CANNOT_TELL, Estimate, examine
-from backlash.reading.batch import KEYS, called, escape, keys_of, options_of, read_rows
-from backlash.reading.batch import TableOfLogs as Table
+from backlash.reading.batch import KEYS, TableOfLogs, called, escape, keys_of, options_of, read_rows
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
 from backlash.settings import GIVEN, Given, Settings, settings_for
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
+
+
+Draw: TypeAlias = Callable[[str, Estimate], None]
 
 
 class Batch(NamedTuple):
@@ -39,7 +41,7 @@ class Batch(NamedTuple):
     keys: pd.DataFrame
 
 
-def listed_logs(source: Table, column: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: TableOfLogs, column: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in a column of a table, and the table without it; a file's names are relative to it."""
     table = read_rows(source, column)
     if not isinstance(source, pd.DataFrame):
@@ -50,7 +52,7 @@ def listed_logs(source: Table, column: str) -> tuple[list[Any], pd.DataFrame]:
     return table.pop(column).tolist(), table
 
 
-def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Batch:
+def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if not isinstance(source, pd.DataFrame | str | PathLike):
         if not isinstance(source, Sequence):
@@ -69,10 +71,9 @@ def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Ba
     settings: list[Settings | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            own = options_of(row)
+            own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
             if "calibration" in own:
                 own["calibration"] = read(own["calibration"])
-            own = {name: value for name, value in own.items() if name not in KEYS}
             settings.append(settings_for(log, {**given, **own}))
         except Refusal as refusal:
             settings.append(Refusal(f"{called(source)}, {Path(name_of(log)).name}: {refusal}"))
@@ -80,7 +81,7 @@ def read_batch(source: Sequence[object] | Table, given: Mapping[str, Any]) -> Ba
 
 
 def estimate_many(
-    logs: Sequence[object] | Table, *, jobs: int = -1, **given: Unpack[Given]
+    logs: Sequence[object] | TableOfLogs, *, jobs: int = -1, **given: Unpack[Given]
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
@@ -146,12 +147,12 @@ def _is_log(file: Path) -> bool:
 
 
 def run_batch(
-    batch: Batch, jobs: int = -1, journal: Path | None = None, plots: Path | None = None
+    batch: Batch, jobs: int = -1, journal: Path | None = None, draw: Draw | None = None
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine many logs; their numbers and answers come in any order.
 
-    Answers are written into a journal, by which a run goes on where another was interrupted. Into the folder `plots`
-    goes a figure of each log with a fit.
+    Answers are written into a journal, by which a run goes on where another was interrupted. `draw` is called with the
+    name of a figure and each answer that has a fit.
     """
     if jobs == 0 or jobs < -1:
         raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
@@ -164,7 +165,7 @@ def run_batch(
     if jobs < 0 and len(calls) < _WORTH_PROCESSES:
         jobs = 1
     each = tqdm(
-        _examine_each(calls, jobs, plots), total=len(calls), unit="log", disable=None, leave=False
+        _examine_each(calls, jobs, draw), total=len(calls), unit="log", disable=None, leave=False
     )
     for number, answer in each:
         yield number, answer
@@ -221,7 +222,7 @@ def _unusable(log: object, why: str) -> Estimate:
 
 
 def _examine_each(
-    calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, plots: Path | None
+    calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, draw: Draw | None
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine each numbered log.
 
@@ -230,7 +231,7 @@ def _examine_each(
     left = dict(calls)
     # Of a run that stops on a full disk; it says so itself.
     warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
-    tasks = (joblib.delayed(_examine_one)(k, *call, plots) for k, call in calls.items())
+    tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
     with suppress(BrokenProcessPool):
         for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
             del left[number]
@@ -241,19 +242,17 @@ def _examine_each(
     elif left:
         again = list(left.items())
         for half in (again[::2], again[1::2]):
-            yield from _examine_each(dict(half), jobs, plots)
+            yield from _examine_each(dict(half), jobs, draw)
 
 
 def _examine_one(
-    number: int, log: object, settings: Settings | Refusal, plots: Path | None
+    number: int, log: object, settings: Settings | Refusal, draw: Draw | None
 ) -> tuple[int, Estimate]:
     with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
         answer = examine_or_refuse(log, settings)
-        if plots and answer.trace:
-            from backlash.plots import estimate_figure, save_figure
-
+        if draw and answer.trace:
             name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
-            save_figure(estimate_figure(answer), plots / f"{number + 1:05d}_{name}.png")
+            draw(f"{number + 1:05d}_{name}.png", answer)
     return number, replace(answer, trace=None)
 
 

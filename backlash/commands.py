@@ -6,17 +6,18 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from backlash import batch, estimates, trend
+from backlash import batch, estimates, trends
 from backlash.calibration import read_calibration
 from backlash.estimates import Estimate
 from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
-from replication.files import write_bytes, write_csv, write_text
+from replication.records import write_bytes, write_csv, write_text
 
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status
@@ -135,8 +136,9 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
 def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     keys = logs.keys.astype("string").fillna("").to_dict("records")
+    draw = partial(_draw, options.plots) if options.plots else None
     answers: dict[int, Estimate] = {}
-    for number, answer in batch.run_batch(logs, options.jobs, journal, options.plots):
+    for number, answer in batch.run_batch(logs, options.jobs, journal, draw):
         answers[number] = answer
         if options.jsonl:
             print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
@@ -164,6 +166,12 @@ def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estim
     return in_order
 
 
+def _draw(folder: Path, name: str, answer: Estimate) -> None:
+    from backlash.plots import estimate_figure, save_figure
+
+    save_figure(estimate_figure(answer), folder / name)
+
+
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options, "out", (".json",))
@@ -185,7 +193,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options, "plot", _FIGURES)
-    grown = trend.trend(
+    grown = trends.trend(
         batch.find_logs(options.log),
         options.dates,
         limit_rad=options.limit,

@@ -27,7 +27,7 @@ _SIDES = (
     "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log "
     "is never told to have no backlash, for the load's side hardly shows it."
 )
-_SPEED = "Without a torque: a calibration of this joint, or else the paper's index, the amplitude A, for trends."
+_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, A, for trends."
 
 
 class _OneLineParser(argparse.ArgumentParser):

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from backlash.estimates import Estimate
 from backlash.refusals import one_line
-from backlash.trend import Trend, growth_over_time
-from replication.files import write_bytes
+from backlash.trends import Trend, growth_over_time
+from replication.records import write_bytes
 
 _SHOWN_TURNS = 3
 _STYLE = Path(__file__).with_name("data") / "plots.mplstyle"

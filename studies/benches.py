@@ -1,8 +1,8 @@
 """Logs of joints that turn round under gravity, drawn apart from the sensor's model of them, with speed and torque.
 
 Both sides rub by Coulomb, viscous and Stribeck friction, the gear loses a share of the torque that it carries,
-contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque comes
-a period late. What a bench may have besides is a `Fault`.
+contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque
+comes a period late. What a bench may have besides is a `Fault`.
 """
 
 import math
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 TURN = 2 * math.pi
 GRAVITY_MS2 = 9.81

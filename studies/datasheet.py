@@ -118,7 +118,7 @@ def write_page(sheet: DataFrame) -> str:
         "# The sensor's datasheet",
         "",
         f"Simulated joints of other code than the sensor's, seed {SEED}, drawn once: rings of 12 to 50 Hz, half plays "
-        "of 0.2 to 2 mrad, gears of 50 to 160, 333 to 1000 Hz, load data wrong by 10 and 5 % (SD). With 95 % intervals: "
+        "of 0.2 to 2 mrad, gears of 50 to 160, 333 to 1000 Hz, load data wrong by 10 and 5 % (SD). 95 % intervals: "
         f"{describe_rate(int(total['answered']), int(total['joints']))} answered, "
         f"{describe_rate(int(total['covered']), int(total['answered']))} of these covered, "
         f"{int(total['false_all_clears'])} false all-clears, "
@@ -131,8 +131,8 @@ def write_page(sheet: DataFrame) -> str:
         *_table(faults),
         "",
         "Limits: the joint turns round at constant speed, about a horizontal axis, with friction and losses below "
-        "gravity; it rings at 10 to 60 Hz; half plays below 0.05 mrad count as none; 250 samples a second or more. The backlash is "
-        "proportional to the gravity that is given. Strokes to and fro are not answered.",
+        "gravity; it rings at 10 to 60 Hz; half plays below 0.05 mrad count as none; 250 samples a second or more. "
+        "The backlash is proportional to the gravity that is given. Strokes to and fro are not answered.",
         "",
     ]
     return "\n".join(lines)
@@ -141,7 +141,8 @@ def write_page(sheet: DataFrame) -> str:
 def _table(rows: DataFrame) -> Sequence[str]:
     head = ["| joints | answered | covered | healthy called | why not |", "|-|-|-|-|-|"]
     return head + [
-        f"| {row.population} | {row.answered} of {row.joints} | {row.covered} | {row.healthy_called} of {row.healthy} | "
+        f"| {row.population} | {row.answered} of {row.joints} | {row.covered} | "
+        f"{row.healthy_called} of {row.healthy} | "
         f"{row.reasons} |"
         for row in rows.itertuples()
     ]

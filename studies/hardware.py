@@ -15,9 +15,9 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 
 from backlash.estimates import Estimate, estimate
-from replication.arrays import FloatArray
 from replication.joint import TURN
 from replication.records import public_file
+from replication.signature import FloatArray
 
 _SMOOTHING_S = 0.02  # of the speed that a rigid load follows
 _REST_RAD_S = 0.02
@@ -103,7 +103,7 @@ def answer(log: JointLog, row: Mapping[str, Any]) -> Estimate:
 def fit_rigid_load(log: JointLog) -> pd.Series:
     """Regress the torque on a rigid load under gravity, friction and a loss in the gear; with the loss's SD.
 
-    `gravity` is in the torque's unit; `left` and `left_lossless` are what remains, with and without a loss, over gravity.
+    `gravity` is in the torque's unit; `left` and `left_lossless` remain with and without a loss, over gravity.
     """
     speed = gaussian_filter1d(log.speed, _SMOOTHING_S / np.median(np.diff(log.t)))
     moving, acceleration = np.tanh(speed / _REST_RAD_S), np.gradient(speed, log.t)

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from replication.files import ROOT, UserError, write_json
+from replication.records import ROOT, UserError, write_json
 from workbook.checkout import OFFLINE, RESULTS
 
 
@@ -32,6 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
             made.add_argument("notebook", type=Path, help="a notebook's .py source")
     options = parser.parse_args(arguments)
     try:
+        find_folders()
         status = options.command(options)
         print(end="", flush=True)
         return status
@@ -45,6 +46,16 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
+
+
+def find_folders() -> None:
+    """Make the folders of data that the environment names absolute: a kernel starts in another one."""
+    for variable in ("BACKLASH_DATA", "HARDWARE_LOGS"):
+        if value := os.environ.get(variable):
+            folder = Path(value).expanduser().resolve()
+            if not folder.is_dir():
+                raise UserError(f"{variable}={value}: no such folder; correct or unset it")
+            os.environ[variable] = str(folder)
 
 
 def run(options: argparse.Namespace) -> int:

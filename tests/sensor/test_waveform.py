@@ -105,7 +105,7 @@ def test_a_file_that_is_no_calibration_is_refused_in_one_line(own, tmp_path, cha
 @pytest.mark.parametrize(
     ("delta", "words"),
     [
-        ([-0.0001, *KNOWN_RAD[1:]], "not negative"),
+        ([-1e-4, *KNOWN_RAD[1:]], "not negative"),
         ([0.4, *KNOWN_RAD[1:]], "in mrad"),
         (KNOWN_RAD[:1] * 7, "different backlashes"),
         (np.array(KNOWN_RAD)[[2, 0, 6, 1, 5, 3, 4]], "order|uncertainty"),

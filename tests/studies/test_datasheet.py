@@ -7,7 +7,7 @@ from studies import datasheet
 
 
 def rows(population: str) -> pd.DataFrame:
-    """Of six joints: two answered, one of these covered, a false all-clear, a refusal; healthy ones called and cleared."""
+    """Of six joints: two answered, one covered, a false all-clear, a refusal; healthy ones called and cleared."""
     verdicts = ["backlash", "backlash", "no backlash", "cannot tell", "backlash", "no backlash"]
     return pd.DataFrame(
         {

@@ -19,12 +19,12 @@ from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__, batch
 from backlash.calibration import MISMATCH, MOST_RAD
-from backlash.reading.batch import read_rows
+from backlash.reading.batch import KEYS, read_rows
 from backlash.reading.columns import is_positive
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, one_line
 from backlash.settings import Given
-from replication.arrays import FloatArray
+from replication.signature import FloatArray
 
 CONFIDENCE = 0.95
 _LEAST_DATES = 3
@@ -216,7 +216,7 @@ def trend_many(
     >>> print({joint: found.alarm for joint, found in worn.items()})
     {'A1': True, 'A2': True}
     """
-    table = read_rows(answers, *batch.KEYS, "file", "verdict", "backlash_high_rad")
+    table = read_rows(answers, *KEYS, "file", "verdict", "backlash_high_rad")
     trends: dict[str, Trend | Refusal] = {}
     for joint, own in table.fillna({"joint": "", "reason": ""}).groupby("joint"):
         try:

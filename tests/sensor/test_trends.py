@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash import trend as trend_line
+from backlash import trends as trend_line
 from backlash.batch import as_table
 from backlash.estimates import Estimate
 from backlash.refusals import Refusal
