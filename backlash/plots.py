@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import wraps
 from io import BytesIO
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
@@ -17,6 +18,7 @@ from backlash.trends import Trend, growth_over_time
 from replication.records import write_bytes
 
 _SHOWN_TURNS = 3
+_TITLE_LETTERS = 70  # in a line
 _STYLE = Path(__file__).with_name("data") / "plots.mplstyle"
 # By ending, stamps that would make each file another; None leaves them out.
 STAMPS: dict[str, dict[str, None]] = {
@@ -66,7 +68,8 @@ def estimate_figure(answer: Estimate) -> Figure:
     half = min(_SHOWN_TURNS * (answer.turn_period_s or t[-1]), t[-1]) / 2
     above.plot(t, trace.measured, color="0.55", linewidth=0.9, label="measured")
     above.plot(t, trace.model, color="C0", linewidth=1.4, label="model")
-    above.set(xlim=(middle - half, middle + half), title=f"(a) {one_line(answer.summary)}")
+    title = fill(f"(a) {one_line(answer.summary)}", _TITLE_LETTERS)
+    above.set(xlim=(middle - half, middle + half), title=title)
     above.set(xlabel="time [s]", ylabel=trace.signal)
     reach = np.ptp(trace.measured) / 2
     below.plot(t, trace.measured - trace.model, color="C1", linewidth=0.7)

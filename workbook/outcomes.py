@@ -46,7 +46,6 @@ def export(
     claims: Claims | None = None,
     facts: Facts | None = None,
     tables: Mapping[str, pd.DataFrame] | None = None,
-    supplement: Mapping[str, tuple[pd.DataFrame, str]] | None = None,
 ) -> None:
     """Write what a notebook has computed; called once, in its last cell. By hand nothing is written.
 
@@ -68,8 +67,6 @@ def export(
     results = Path(OUTPUT_FOLDER) / "results"
     for name, table in (tables or {}).items():
         write_csv(results / f"{name}.csv", table)
-    for name, (table, _) in (supplement or {}).items():
-        write_csv(results / "supplement" / f"{name}.csv", table)
     outcome = {
         "cells": cell_rows(cells or {}),
         "claims": [
@@ -78,7 +75,6 @@ def export(
         ],
         "facts": _fact_texts(facts or {}),
         "figures": _figures,
-        "supplement": {name: sentence for name, (_, sentence) in (supplement or {}).items()},
     }
     write_json(results / "outcomes" / f"{os.environ['REPLICATION_NOTEBOOK']}.json", outcome)
 
@@ -142,13 +138,7 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
 
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
-    empty: dict[str, Any] = {
-        "cells": [],
-        "claims": [],
-        "facts": {},
-        "figures": {},
-        "supplement": {},
-    }
+    empty: dict[str, Any] = {"cells": [], "claims": [], "facts": {}, "figures": {}}
     return {
         file.stem: empty | json.loads(file.read_text(encoding="utf-8"))
         for file in sorted((results / "outcomes").glob("*.json"))

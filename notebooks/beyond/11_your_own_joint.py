@@ -1,0 +1,292 @@
+# %% [markdown]
+# # 11 · Measure your own joint
+#
+# *You will estimate the backlash of a joint from a log, by the torque and by a calibration, follow
+# it over months, and see when the sensor refuses; then measure a log of your own. Run time: 20 s.
+# Before this: notebook [0](../00_the_sensor.ipynb).*
+#
+# **A guide to the virtual sensor. A simulated joint replaces yours; nothing of the paper is judged
+# here.**
+#
+# ## Claim
+#
+# The paper: the [backlash](../glossary.md#backlash) of a joint can be estimated from its motor
+# encoder alone. For a joint that nobody has measured before that is not enough: another stiffness
+# or drive gives another amplitude at the same backlash. With the motor's torque, or with a
+# calibration, the sensor estimates it without taking the joint apart.
+#
+# ## Method
+#
+# *The movement*: a horizontal axis and an off-centre load whose gravity is above its friction, so
+# that gravity moves the load through the gap twice a [turn](../glossary.md#turn); constant motor
+# speed; twelve turns in one direction, four at least. *The log*: time, encoder position or speed,
+# and torque or motor current, at 500 Hz if you can. The backlash $\delta$ is half of the total play.
+#
+# **By the torque** (method `torque`). The motor of the inertia $J_m$ [kg m²] turns at the speed
+# $\omega_m$ [rad/s] under its torque $\tau_m$ [N m]. So the two signals give the torque of the
+# coupling at the gear ratio $N$,
+#
+# $$\tau_l = N \left(\tau_m - J_m\, \dot\omega_m - \text{friction}\right),$$
+#
+# and no model of the drive is needed. While $\tau_l$ changes its sign, the load passes the gap of
+# $2 \delta$ [rad]. It moves there under gravity $m g r$ [N m] and its own inertia $J_l$ [kg m²]. From
+# two numbers of the load, $J_l/(N^2 J_m)$ and $m g r/J_l$ [1/s²], the sensor fits the rest:
+# stiffness, damping, friction, losses, and $\delta$, and corrects the two as far as the log says
+# more than what was known of them. The estimate is proportional to the $m g r/J_l$ that it ends at.
+#
+# **By a calibration** (method `waveform`), where the torque is not logged: logs of the same
+# movement at six or more known backlashes of your joint. They give the settled motor speed
+# $w(\varphi; \delta)$ [rps], less its mean, at each phase $\varphi$ of a turn. A log of speeds $v_i$
+# [rps] at times $t_i$ [s], with the turn period $T_f$ [s], has the backlash and the phase that fit
+# best:
+#
+# $$\hat\delta, \hat\varphi = \arg\min_{\delta, \varphi} \sum_i
+# \left[v_i - \bar v - w\left(\frac{t_i}{T_f} - \varphi; \delta\right)\right]^2.$$
+#
+# **By the speed alone** (method `amplitude`) the sensor gives the paper's amplitude $A$ [rps] as an
+# index, and no backlash.
+#
+# *Which side*: speed, position and torque are the motor's, and the backlash is the joint's. If a
+# robot logs the joint's side, then $N = 1$. Gear makers state the *lost motion*: the total play
+# $2 \delta$ and the wind-up of the teeth at a few per cent of the rated torque. So $2 \delta$ is less
+# than the lost motion of the data sheet.
+#
+# ```
+# backlash estimate log.csv --torque COLUMN --gear-ratio 50 --motor-inertia 6.5e-5 --load-mass 5 --load-arm 0.33
+# backlash calibrate table.csv --out joint.json --turn-period 0.4
+# backlash estimate log.csv --turn-period 0.4 --calibration joint.json --plot log.png
+# backlash trend logs/ --turn-period 0.4 --calibration joint.json --limit 0.001 --plot trend.png
+# ```
+#
+# Many logs, costs and other formats: the [guide](../guide.md). Your joint is here a simulated bench
+# of notebook [9](../09_bench_table3.ipynb): other stiffness, gravity and gains than the paper's,
+# some friction, an encoder of 19 bits, and a log that starts anywhere.
+
+# %%
+import numpy as np
+import pandas as pd
+
+import backlash
+import workbook
+from backlash import plots
+from replication import bench, joint
+from workbook import Interval
+
+# %% [markdown]
+# ## Parameters
+
+# %% tags=["parameters"]
+my_log = ""  # path of a log of your own (CSV, XLSX or Parquet)
+my_settings = {"turn_period_s": 0.4}  # what you know of it, as `backlash.estimate` takes it
+bench_seed = 3  # which joint is drawn
+backlash_mrad = 1.1  # of the log that is looked at closely
+friction_share = 0.0  # Coulomb friction added to the load, over gravity
+gravity_given = 1.0  # m g r / J_l that the sensor is given, over the true one
+calibration_levels = 9  # logs of known backlash
+log_turns = 12  # of each log
+limit_mrad = 1.0  # backlash that calls for maintenance
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+workbook.check_parameters(
+    my_log=(my_log, (my_log,)),  # reading it says what is wrong with it
+    bench_seed=(bench_seed, range(0, 10**6)),
+    backlash_mrad=(backlash_mrad, Interval(0, 5)),
+    friction_share=(friction_share, Interval(0, 2)),
+    gravity_given=(gravity_given, Interval(0.1, 10)),
+    calibration_levels=(calibration_levels, range(6, 101)),
+    log_turns=(log_turns, range(4, 41)),
+    limit_mrad=(limit_mrad, Interval(0.01, 10)),
+)
+
+# %% [markdown]
+# ## Result
+#
+# ### Your log
+#
+# With `my_log` the first answer is yours. A `note` says what was assumed or left out.
+
+# %%
+if my_log:
+    with workbook.explain("my_log", my_log):
+        print(backlash.estimate(my_log, **my_settings))
+
+# %% [markdown]
+# ### By the torque
+#
+# A log of the joint is a table as a recorder writes it. *Predict:* how wide is the interval, if the
+# load's gravity is known to 5 % and its inertia to 10 %?
+
+# %%
+drawn = bench.draw_bench(np.random.default_rng(bench_seed))
+gravity_nm = drawn.joint.G
+my_joint = drawn.joint._replace(load_coulomb=drawn.joint.load_coulomb + friction_share * gravity_nm)
+backlash_rad, limit_rad = 1e-3 * backlash_mrad, 1e-3 * limit_mrad
+
+
+def log_joint(delta_rad, seed, of=my_joint):
+    """A log of twelve turns: time, speed by the encoder, torque, with noise."""
+    rng = np.random.default_rng((bench_seed, seed))
+    turning = of._replace(start_angle=rng.uniform(0, joint.TURN))
+    run = joint.simulate(turning, delta_rad, log_turns * turning.turn_period)
+    read = bench.read_encoder(turning, run.t, run.theta_m, turning.encoder_step, "encoder")
+    speed = read.v + rng.normal(0, drawn.noise_rps, read.v.size)
+    torque = run.torque[:-1] + rng.normal(0, 0.01 * gravity_nm / of.N, read.v.size)
+    return pd.DataFrame({"time [s]": read.t, "speed [rps]": speed, "torque": torque})
+
+
+# %%
+log = log_joint(backlash_rad, 0)
+ratios = joint.ratios(my_joint)
+load = {
+    "torque": "torque",
+    "gear_ratio": my_joint.N,
+    "inertia_ratio": ratios["J_l/(N^2 J_m)"],
+    "gravity_per_s2": gravity_given * ratios["G/J_l"],
+}
+by_torque = backlash.estimate(log, **load)
+print(by_torque)
+if by_torque.trace:
+    workbook.show_figure(
+        "own_joint_log",
+        plots.estimate_figure(by_torque),
+        f"(a) Three of the {log_turns} turns of the torque of a simulated joint, measured and by the model that is "
+        "fitted to it. (b) Residual of the whole log.",
+    )
+
+# %% [markdown]
+# The next lines are there to be compared with the joint's data sheet: a stiffness or an inertia that
+# is not the joint's says that an input is wrong.
+#
+# ### By a calibration
+#
+# The same log, by its speed alone and then with a calibration of the joint. The calibration's
+# uncertainty is the RMS error at levels that were left out, times Student's factor for so few of
+# them.
+
+# %%
+period = {"turn_period_s": my_joint.turn_period}
+known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
+known_logs = [log_joint(delta, 100 + k) for k, delta in enumerate(known_rad)]
+with workbook.explain("calibration_levels", calibration_levels):
+    own = backlash.calibrate(known_logs, known_rad, **period)
+by_speed = backlash.estimate(log, **period)
+calibrated = backlash.estimate(log, calibration=own, **period)
+print(by_speed, calibrated, sep="\n")
+
+# %% [markdown]
+# ### Over the months
+#
+# Dated logs of a joint that wears by 0.68 mrad a year, and the line through their estimates,
+# weighted by their intervals.
+
+# %%
+dates = pd.date_range("2026-01-05", periods=8, freq="28D")
+worn_logs = [log_joint(delta, 300 + k) for k, delta in enumerate(np.linspace(5e-4, 8.65e-4, 8))]
+with workbook.explain("log_turns", log_turns):
+    wear = backlash.trend(worn_logs, dates, limit_rad=limit_rad, calibration=own, **period)
+print(wear)
+workbook.show_figure(
+    "own_joint_trend",
+    plots.trend_figure(wear),
+    "Estimates of eight dated logs of one simulated joint, the line through them, the time at which it crosses the "
+    "limit, each with its 95 % interval; below, the growth by the logs up to each date.",
+)
+
+# %% [markdown]
+# ### What it refuses
+#
+# A sensor must refuse what it cannot judge. *Predict:* which of these logs are answered?
+
+# %%
+rubbed = my_joint._replace(load_coulomb=0.2 * gravity_nm)
+noise_rps = np.random.default_rng(bench_seed).normal(0, 5, len(log))
+by_own = {"calibration": own} | period
+odd = {
+    "no backlash": (log_joint(0.0, 1), by_own),
+    "twice the calibration's largest backlash": (log_joint(38e-4, 2), by_own),
+    "friction of 20 % of gravity, not there in the calibration": (
+        log_joint(backlash_rad, 3, rubbed),
+        by_own,
+    ),
+    "noise of 5 rps": (log.assign(**{"speed [rps]": log["speed [rps]"] + noise_rps}), by_own),
+    "half of the gear ratio": (log, load | {"gear_ratio": my_joint.N / 2}),
+}
+answers = {name: backlash.estimate(record, **given) for name, (record, given) in odd.items()}
+pd.Series({name: answer.summary for name, answer in answers.items()}, name="answer").to_frame()
+
+# %% [markdown]
+# ## Verdict
+#
+# No number of the paper is judged here.
+
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
+def in_words(answer):
+    if answer.backlash_rad is None:
+        return f"no answer ({answer.reason})"
+    low, high = answer.backlash_interval_rad
+    holds = "holds" if low <= backlash_rad <= high else "does not hold"
+    return (
+        f"{answer.verdict}, {1e3 * answer.backlash_rad:.3f} mrad, whose interval of {1e3 * low:.3f} to "
+        f"{1e3 * high:.3f} mrad {holds} the true one"
+    )
+
+
+refused = [name for name, answer in answers.items() if answer.backlash_rad is None]
+answered = [name for name in answers if name not in refused]
+workbook.verdict(
+    f"The log of {backlash_mrad:g} mrad is answered by the torque: {in_words(by_torque)}; by the speed alone: "
+    f"{in_words(by_speed)}; with its own calibration: {in_words(calibrated)}. Of {len(answers)} odd logs the sensor "
+    f"refuses {len(refused)}" + (f", and answers: {'; '.join(answered)}." if answered else ".")
+)
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+workbook.export()
+
+# %% [markdown]
+# ## Try changing
+#
+# 1. `friction_share = 0.3`: the torque's answer stays right, with a wider interval.
+# 2. `gravity_given = 1.3`: the estimate grows, but by less, for the log says that gravity is smaller.
+# 3. `friction_share = 1.2`: friction above gravity holds the load on one flank, and it never crosses
+#    the gap.
+#
+# `my_log = "log.csv"`, with what you know of it in `my_settings`, measures a log of your own.
+#
+# ## Exercises
+#
+# **1.** The load is a point at the arm $r$, which is given 4 % too short. How wrong is the given
+# $m g r/J_l$? Ask the sensor again: why does the estimate change by less?
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+error = 1 / 0.96  # of m g r / (m r^2) = g / r
+again = backlash.estimate(log, **load | {"gravity_per_s2": error * load["gravity_per_s2"]})
+if by_torque.backlash_rad and again.backlash_rad:
+    assert abs(again.backlash_rad / by_torque.backlash_rad - 1) < error - 1
+    print(by_torque.joint["gravity_per_s2"], again.joint["gravity_per_s2"])
+print(f"{100 * (error - 1):+.1f} %; with the inertia ratio the log tells gravity, too")
+
+# %% [markdown]
+# **2.** A pure sine of 21 Hz is sampled at $f_s$. How much of its peak can the largest sample miss
+# (to 0.1 %), at 500 and 84 Hz?
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+rates_hz = np.array([500, 84])
+most_missed = 1 - np.cos(np.pi * 21 / rates_hz)  # half a sampling period from the peak
+assert np.allclose(most_missed, [0.0087, 0.2929], atol=5e-4)
+print(100 * most_missed, "%")
+
+# %% [markdown]
+# **3.** The trend's line is $\delta(t) = a + b t$, $t$ in days from its origin (`wear.line`,
+# `wear.origin`). Find the date on which it reaches the limit. Why does its interval reach further
+# to the late side than to the early one?
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+level, growth = wear.line
+crossing = wear.origin + pd.Timedelta(days=(limit_rad - level) / growth)
+assert wear.crossing is None or abs(crossing - wear.crossing) < pd.Timedelta(minutes=1)
+print(crossing.date(), wear.crossing_interval)  # a smaller slope moves the crossing further
+
+# %% [markdown]
+# **What you have learnt**: the torque or a calibration makes a backlash of the index, and a sensor
+# must refuse. *Next:* [what a log tells](12_what_a_log_tells.ipynb).
