@@ -142,8 +142,6 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
 def describe_hardware(results: Path) -> dict[str, Any]:
     """What the sensor says of public logs of real joints: how many, how many refused, and why most of them."""
     logs = pd.read_csv(results / "hardware.csv")
-    if "verdict" not in logs:
-        logs = pd.read_csv(results / "supplement" / "hardware_answers.csv")
     refused = logs[logs["verdict"] == "cannot tell"]
     reasons = refused["reason"].value_counts()
     return {
