@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.files import write_csv
+from replication.records import write_csv
 from replication.table2 import prediction_interval
 from workbook.outcomes import Numbers, load_outcomes, source_of
 
@@ -120,7 +120,7 @@ def exported_cells(outcomes: Outcomes) -> pd.DataFrame:
 
 
 def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed number from the notebooks' outcomes, in the paper's order."""
+    """Judge every printed number in the paper's order, by the notebooks' outcomes and the paper's own numbers."""
     ours = exported_cells(load_outcomes(results))
     if ours["id"].duplicated().any():
         twice = ours.loc[ours["id"].duplicated(), "id"].unique()
@@ -129,6 +129,8 @@ def verdicts(results: Path) -> pd.DataFrame:
     missing = ours["source"].isna()
     ours.loc[missing, "source"] = [source_of(cell) for cell in ours.index[missing]]
     ours.loc[missing, "notebook"] = ""
+    for cell, number in published.derived_numbers().items():
+        ours.at[cell, "numbers"] = number
     return judge_rows(ours.reset_index())
 
 

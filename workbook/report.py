@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.files import ROOT, write_json, write_text
+from replication.records import ROOT, write_json, write_text
 from workbook import evidence, judging
 from workbook.outcomes import load_outcomes
 
@@ -23,6 +23,17 @@ TEMPLATE = Path(__file__).with_name("report.md.j2")
 STATUS = re.compile(r"(<!-- status: begin -->\n).*(<!-- status: end -->)", re.DOTALL)
 WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+GREEK = {
+    "alpha": "α",
+    "delta": "δ",
+    "lambda": "λ",
+    "mu": "μ",
+    "omega": "ω",
+    "pi": "π",
+    "sigma": "σ",
+}
+GREEK |= {"tau": "τ", "dtheta": "Δθ"}
+LETTER = re.compile(rf"\b({'|'.join(GREEK)})(?=\b|_)")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 PACKAGES = ("numpy", "scipy", "numba", "pandas", "matplotlib")
 
@@ -53,8 +64,9 @@ def like_printed(value: float, printed: str) -> str:
 
 
 def typeset(text: object) -> str:
-    """Write powers of ten as 5.9·10⁻⁶ or 10⁵, and a minus sign before a number as such."""
-    raised = POWER.sub(lambda e: f"{e[1]}·10{str(int(e[2])).translate(RAISED)}", str(text))
+    """Write powers of ten as 5.9·10⁻⁶ or 10⁵, Greek letters and a minus sign before a number as such."""
+    text = LETTER.sub(lambda letter: GREEK[letter[1]], str(text))
+    raised = POWER.sub(lambda e: f"{e[1]}·10{str(int(e[2])).translate(RAISED)}", text)
     raised = re.sub(r"(?<![\d.])1·10", "10", raised)
     return re.sub(r"(?<![\w)\]])-(?=[\d.])", "−", raised)
 
@@ -78,7 +90,8 @@ def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
     about = published.cells()[["element", "row", "column", "unit"]]
     table = verdicts.fillna({"resolution": "", "notebook": ""}).join(about, on="id")
     table["name"] = [_name(*row) for row in table[["element", "row", "column"]].to_numpy()]
-    table["why"] = published.cells().loc[table["id"], "known_difference"].to_numpy()
+    known = published.cells().loc[table["id"], "known_difference"].to_numpy()
+    table["why"] = np.where(known == "", "no explanation known", known)
     table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
     table["interval"] = [_interval(row) for row in table.itertuples()]
     return table
@@ -152,6 +165,7 @@ def describe(results: Path) -> dict[str, Any]:
     return {
         "f": facts,
         "cells": cells.to_dict("records"),
+        "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.set_index("id").to_dict("index"),
         "by_element": by_element,
         "by_source": count_by(cells, "source"),
