@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from backlash.turns import settled_turns, turn_phases
-from replication.arrays import FloatArray
 from replication.records import Recording
-from replication.signature import Timing, h
+from replication.signature import FloatArray, Timing, h
 from replication.table2 import NOTEBOOK, best_fit
 
 _REPEATED = 3  # turns that the fit sees: the window begins anywhere in the first

@@ -14,9 +14,9 @@ from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes
 from backlash.refusals import Refusal
 from backlash.turns import settled_turns
 from backlash.waveform import LEAST_LEVELS, WaveformBank, make_bank, match
-from replication.arrays import FloatArray
 from replication.joint import identified_joint, simulate
 from replication.records import Recording
+from replication.signature import FloatArray
 
 MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
 MISMATCH = (

@@ -17,7 +17,7 @@ from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
-from replication.files import write_bytes, write_csv, write_text
+from replication.records import write_bytes, write_csv, write_text
 
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _FAILED = 3  # exit status

@@ -24,8 +24,8 @@ from scipy.fft import next_fast_len
 from scipy.ndimage import uniform_filter1d
 
 from backlash.turns import TURN, ComplexArray, Harmonics
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 # Unknowns, and their places: delta [mrad], the logarithms of K [1/s^2], of the damping ratio; F, gravity's phase [rad],
 # the logarithm of g [1/s^2], the speed's lag [ms]; the logarithms of rho and of N J_m, the torque's delay [ms], mu.
@@ -98,7 +98,7 @@ def compare(
     )
 
 
-@njit(inner=True)
+@njit
 def _mean_penetration(first, last):
     """Mean of what is above 0 on a straight course from one depth to another, the share of the course, their slopes."""
     most, least = max(first, last), min(first, last)

@@ -16,8 +16,8 @@ from backlash.refusals import Reason, Refusal, one_line
 from backlash.settings import AMPLITUDE, TORQUE, WAVEFORM, Given, Settings, settings_for
 from backlash.torque import NORMAL_95, TorqueFit, fit_torque
 from backlash.waveform import match
-from replication.arrays import FloatArray
 from replication.records import Recording
+from replication.signature import FloatArray
 
 BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
 # Of the turn's energy, gravity's part aside, that a calibration has to explain; within the paper's range it explains

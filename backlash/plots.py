@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from backlash.estimates import Estimate
 from backlash.refusals import one_line
 from backlash.trends import Trend, growth_over_time
-from replication.files import write_bytes
+from replication.records import write_bytes
 
 _SHOWN_TURNS = 3
 _STYLE = Path(__file__).with_name("data") / "plots.mplstyle"

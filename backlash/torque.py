@@ -33,8 +33,8 @@ from backlash.driven_load import (
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.turns import TURN, Harmonics, gravity_by_turn, harmonics, periodic, turn_phases
-from replication.arrays import FloatArray
 from replication.records import Recording
+from replication.signature import FloatArray
 
 NORMAL_95 = 1.96  # half width over SD of a 95 % interval
 MOTOR_ORDERS = (

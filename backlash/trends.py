@@ -24,7 +24,7 @@ from backlash.reading.columns import is_positive
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, one_line
 from backlash.settings import Given
-from replication.arrays import FloatArray
+from replication.signature import FloatArray
 
 CONFIDENCE = 0.95
 _LEAST_DATES = 3

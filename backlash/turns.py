@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
-from replication.arrays import FloatArray
 from replication.records import Recording
+from replication.signature import FloatArray
 
 TURN = 2 * np.pi
 ComplexArray = NDArray[np.complex128]

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from backlash.turns import TURN, ComplexArray, Harmonics, harmonics
-from replication.arrays import FloatArray
 from replication.records import Recording
+from replication.signature import FloatArray
 
 LEAST_LEVELS = 6
 FASTEST_HZ = 100.0  # of the harmonics that are matched: five times the paper's ring

@@ -284,7 +284,7 @@ def off_percent(amplitude):
 
 
 reached = sum(each.rmse <= best.rmse * (1 + BASIN_GAP) for each in fits)
-error = f"{100 * (estimate_mrad / backlash_mrad - 1):+.1f} %" if backlash_mrad else "none"
+error = f"{100 * (estimate_mrad / backlash_mrad - 1):+.1f} %" if backlash_mrad else "not defined"
 workbook.verdict(
     f"From the motor speed alone the best fit and equation 10 give {estimate_mrad:.3f} mrad for a true backlash of "
     f"{backlash_mrad:g} mrad (relative error: {error}). {reached} of the {runs} single searches reach the lowest "

@@ -15,7 +15,7 @@ DATA: Traversable = files("replication") / "data"
 Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
 Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 
-_INDEX = {"cells": "id", "claims": "id", "errata": "id", "table2_candidates": "protocol"}
+_INDEX = {"cells": "id", "claims": "id", "errata": "id"}
 
 
 @cache

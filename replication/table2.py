@@ -28,6 +28,7 @@ from replication.records import (
     load_clean,
     load_noisy,
     simulate_clean,
+    write_csv,
 )
 from replication.signature import MOVEMENT, Box, FloatArray, Parameters, Timing, table1_box
 
@@ -369,10 +370,8 @@ def make_realisations(path: Path = REALISATIONS, number: int = 40) -> None:
             if made.empty or not ((made["protocol"] == settings.name) & (made["row"] == row)).any()
         ]
         rows = Parallel(n_jobs=-1)(delayed(realise)(*arguments) for arguments in plan)
-        temporary = path.with_suffix(".part")
-        whole = pd.concat([table, pd.DataFrame(rows)]) if len(table) else pd.DataFrame(rows)
-        whole.to_csv(temporary, index=False, float_format="%.6g")
-        temporary.replace(path)
+        new = pd.DataFrame(rows)
+        write_csv(path, pd.concat([table, new]) if len(table) else new)
 
 
 # ---------------------------------------------------------------------------- the claims that Table 2 decides

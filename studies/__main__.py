@@ -5,8 +5,8 @@ import os
 import sys
 from collections.abc import Sequence
 
-from replication.files import ROOT, write_csv, write_json, write_text
-from replication.processors import pinned_environment
+from replication import pinned_environment
+from replication.records import ROOT, write_csv, write_json, write_text
 
 RESULTS = ROOT / "results"
 

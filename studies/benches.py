@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from replication.arrays import FloatArray
-from replication.compiling import njit
+from replication import njit
+from replication.signature import FloatArray
 
 TURN = 2 * math.pi
 GRAVITY_MS2 = 9.81

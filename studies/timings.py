@@ -10,8 +10,7 @@ import pandas as pd
 from scipy import optimize
 
 from replication import misfit, published, table2
-from replication.files import ROOT, write_csv
-from replication.records import add_noise, simulate_clean
+from replication.records import ROOT, add_noise, simulate_clean, write_csv
 from replication.signature import rmse
 
 REPEATS = 3  # that a median is taken over

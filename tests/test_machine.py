@@ -11,7 +11,7 @@ from tests.logs import noisy, write
 from workbook.__main__ import main as workbook_command
 
 ROOT = Path(__file__).resolve().parents[1]
-ESTIMATE = ("-m", "backlash", "estimate", "--turn-period", "0.4", "--method", "energy")
+ESTIMATE = ("-m", "backlash", "estimate", "--turn-period", "0.4", "--method", "amplitude")
 
 
 def python(*arguments, **variables) -> subprocess.CompletedProcess:

@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from replication.files import ROOT
+from replication.records import ROOT
 from workbook.animation import flipbook
+from workbook.comparison import judge, verdict
 from workbook.outcomes import export, show_figure
 from workbook.parameters import Interval, ParameterError, check_parameters, explain, sliders
-from workbook.verdict import judge, verdict
 
 # What notebooks call.
 __all__ = [

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import NoReturn
 
-from replication.files import ROOT, UserError, write_json
+from replication.records import ROOT, UserError, write_json
 from workbook.checkout import OFFLINE, RESULTS
 
 

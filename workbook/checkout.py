@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from replication.files import ROOT
+from replication.records import ROOT
 
 NOTEBOOKS, RESULTS = ROOT / "notebooks", ROOT / "results"
 OFFLINE = RESULTS / "offline"  # of notebooks that ran without the authors' files

@@ -1,7 +1,9 @@
 """Sphinx's settings of the book: the report as its first page, then the notebooks, glossary and guide."""
 
 from pathlib import Path
+from typing import Any
 
+from docutils import nodes
 from sphinx.application import Sphinx
 
 project = "A virtual sensor for backlash: the replication"
@@ -48,12 +50,19 @@ CONTENTS = """
 /notebooks/guide
 ```
 """
+# What scrolls can be reached by the keyboard.
+FOCUS = """addEventListener("load", () => document.querySelectorAll(
+  "pre, .table-wrapper, .output, mjx-container, .math").forEach(each => { each.tabIndex = 0; }));
+"""
 FIRST_PAGE = '<meta http-equiv="refresh" content="0; url=results/report.html">\n'
 
 
 def setup(app: Sphinx) -> None:
-    """Add the contents to the report, and a first page that leads to it."""
+    """Add the contents to the report, a first page that leads to it, and what a keyboard or a screen reader needs."""
+    app.add_js_file(None, body=FOCUS)
+    app.connect("html-page-context", give_captions_a_level, priority=900)  # after the theme
     app.connect("source-read", add_contents)
+    app.connect("doctree-read", leave_formulas)
     app.connect("build-finished", write_first_page)
 
 
@@ -61,6 +70,24 @@ def add_contents(app: Sphinx, document: str, source: list[str]) -> None:
     """Add the contents to the source of the report."""
     if document == root_doc:
         source[0] += CONTENTS
+
+
+def leave_formulas(app: Sphinx, document: nodes.document) -> None:
+    """Keep Sphinx from putting a formula of several lines into an environment that allows no tag."""
+    for formula in document.findall(nodes.math_block):
+        if not formula["nowrap"]:
+            formula[:] = [nodes.Text(rf"\[{formula.astext()}\]")]
+            formula["nowrap"] = True
+
+
+def give_captions_a_level(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], document: Any
+) -> None:
+    """Say which level of heading the captions of the contents have."""
+    tree = context.get("furo_navigation_tree", "")
+    context["furo_navigation_tree"] = tree.replace(
+        'role="heading"', 'role="heading" aria-level="2"'
+    )
 
 
 def write_first_page(app: Sphinx, error: Exception | None) -> None:

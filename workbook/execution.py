@@ -20,8 +20,8 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication.files import ROOT, UserError, write_text
-from replication.processors import pinned_environment
+from replication import pinned_environment
+from replication.records import ROOT, UserError, write_text
 from workbook.checkout import OFFLINE
 
 CELL_TIMEOUT_S = 900
@@ -121,6 +121,8 @@ def _execute_into(destination: Path, source: Path, project: Path, records: str =
         "REPLICATION_OUT": str(staging),
         "REPLICATION_NOTEBOOK": source.stem,
         "BACKLASH_RECORDS": records,
+        "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+        "PYTHONHASHSEED": "0",
         "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
     }
@@ -180,11 +182,13 @@ def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -
         extra_arguments=["--IPKernelApp.log_level=ERROR"],
         resources={"metadata": {"path": str(source.parent)}},
     )
+    started = [0]
+    client.on_cell_start = lambda cell, cell_index: started.append(cell_index)
     client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
     try:
         client.execute(env=environment)
     except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
-        _report_failure(notebook, source, error)
+        _report_failure(notebook, source, started[-1], error)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
@@ -205,21 +209,21 @@ def _kill_with_this_process(client: NotebookClient) -> None:
     )
 
 
-def _report_failure(notebook: NotebookNode, source: Path, error: Exception) -> None:
+def _report_failure(notebook: NotebookNode, source: Path, cell: int, error: Exception) -> None:
     """Raise in one line what ended a notebook, and where."""
     if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
         raise DataMissing(error.evalue) from error
     if isinstance(error, CellExecutionError):
-        why = f"{error.ename}: {error.evalue}"
+        why = f"{error.ename}: {error.evalue}".partition("\n")[0]
     elif isinstance(error, CellTimeoutError):
         why = f"no end after {CELL_TIMEOUT_S / 60:.3g} minutes"
     else:
         why = "the kernel died"
-    started = [k for k, cell in enumerate(notebook.cells) if cell.get("execution_count")]
     partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
     write_text(partial, nbformat.writes(notebook))
-    where = f"{source.name}, cell {max(started, default=0) + 1}"
-    raise NotebookFailed(f"{where}: {why}; what it got to is in {partial}") from error
+    raise NotebookFailed(
+        f"{source.name}, cell {cell + 1}: {why}; what it got to is in {partial}"
+    ) from error
 
 
 def end_with(process: int) -> None:

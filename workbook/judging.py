@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.files import write_csv
+from replication.records import write_csv
 from replication.table2 import prediction_interval
 from workbook.outcomes import Numbers, load_outcomes, source_of
 

@@ -17,8 +17,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.files import FLOAT_FORMAT, write_csv, write_json
-from replication.records import records_are_simulated
+from replication.records import FLOAT_FORMAT, records_are_simulated, write_csv, write_json
 from workbook.checkout import notebook_files
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
-from replication.files import UserError
+from replication.records import UserError
 from workbook.outcomes import OUTPUT_FOLDER
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.files import ROOT, write_json, write_text
+from replication.records import ROOT, write_json, write_text
 from workbook import evidence, judging
 from workbook.outcomes import load_outcomes
 

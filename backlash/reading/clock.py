@@ -9,7 +9,7 @@ from backlash.reading.columns import numbers
 from backlash.reading.tables import TIME_OF_DAY
 from backlash.reading.units import SECONDS, split_unit
 from backlash.refusals import Refusal
-from replication.arrays import FloatArray
+from replication.signature import FloatArray
 
 _MOST_HZ = 1e6  # no logger samples faster; the stamps have another unit
 # What misses more than both is a gap; less is filled, a fifth of the ring's period at most.

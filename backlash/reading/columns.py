@@ -12,7 +12,7 @@ from backlash.reading import UNITS
 from backlash.reading.tables import Sheet
 from backlash.reading.units import KNOWN, PER_TURN, SECONDS, split_unit, words_of
 from backlash.refusals import Refusal
-from replication.arrays import FloatArray
+from replication.signature import FloatArray
 
 _POSITIVE = {
     "counts_per_turn": "--counts-per-turn",

@@ -12,8 +12,8 @@ from backlash.reading.columns import Columns, LogFormat, choose_columns, numbers
 from backlash.reading.sources import Source, Table, read_source
 from backlash.reading.units import PER_TURN
 from backlash.refusals import Reason, Refusal
-from replication.arrays import FloatArray
 from replication.records import Recording
+from replication.signature import FloatArray
 
 _RING_HZ = 21.0  # of the oscillation that the signature models, in the paper's joint
 _LEAST_RATE = 4  # samples in its period; with half as many, two of 17 simulated joints were wrong

@@ -45,14 +45,14 @@
 
 # %%
 import numpy as np
+from replication.simulator.parameters import identified_joint
+from replication.sources import load_noisy
+from studies.reidentify import FIT_LEVELS
 
 import workbook
 from replication import published
 from replication.records import level_delta_rad
-from replication.simulator.parameters import identified_joint
-from replication.sources import load_noisy
 from studies import accuracy, benchmark, plots
-from studies.reidentify import FIT_LEVELS
 
 # %% [markdown]
 # ## Parameters

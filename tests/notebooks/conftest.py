@@ -18,7 +18,7 @@ def run_notebook(monkeypatch):
         monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
         verdicts, printed = [], io.StringIO()
         names = {"display": lambda *shown: None, "print": lambda *text: print(*text, file=printed)}
-        monkeypatch.setattr(workbook, "verdict", lambda text, *_: verdicts.append(text))
+        monkeypatch.setattr(workbook, "verdict", lambda text, *_, **__: verdicts.append(text))
         monkeypatch.setattr(IPython.display, "display", lambda *shown: None)
         monkeypatch.setattr(workbook, "flipbook", lambda *drawn, **options: None)
         (source,) = (ROOT / "notebooks").glob(f"**/{name}*.py")

@@ -1,7 +1,0 @@
-"""The types of arrays that signatures name."""
-
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]

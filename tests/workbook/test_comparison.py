@@ -1,0 +1,66 @@
+"""A notebook's verdict: this run's numbers beside the printed and the committed ones."""
+
+import json
+
+import pandas as pd
+import pytest
+
+import workbook
+from workbook import comparison, outcomes
+from workbook.checkout import RESULTS
+
+CELL = "equation10.A2"
+
+
+@pytest.fixture
+def committed():
+    return pd.read_csv(RESULTS / "verdicts.csv", index_col="id")["reproduced"][CELL]
+
+
+def test_by_hand_a_changed_number_stands_beside_the_committed_one_and_loses_its_verdict(committed):
+    table = workbook.judge({CELL: 1.3 * committed})
+    assert float(table["ours"][CELL]) == pytest.approx(1.3 * committed, rel=1e-4)
+    assert float(table["committed"][CELL]) == pytest.approx(committed, rel=1e-4)
+    assert table["verdict"][CELL] == "differs"
+    assert workbook.judge({CELL: committed})["verdict"][CELL] == "agrees"
+
+
+def test_a_run_that_makes_the_committed_numbers_shows_its_own_as_such(committed, monkeypatch):
+    monkeypatch.setattr(comparison, "OUTPUT_FOLDER", "somewhere")
+    table = workbook.judge({CELL: 1.3 * committed})
+    assert table["committed"][CELL] == table["ours"][CELL]
+    monkeypatch.setenv("BACKLASH_RECORDS", "simulated")  # which makes nothing that is committed
+    table = workbook.judge({CELL: 1.3 * committed})
+    assert table["committed"][CELL] != table["ours"][CELL]
+
+
+@pytest.mark.parametrize(
+    ("holds", "said"), [(True, "holds"), (False, "does not hold"), (None, "undecided")]
+)
+def test_a_claim_is_shown_with_what_was_measured(holds, said):
+    row = workbook.judge(claims={"monotone": (holds, "a slope of 1")}).loc["monotone"]
+    assert (row["ours"], row["verdict"]) == ("a slope of 1", said)
+
+
+def test_the_outcome_holds_numbers_decisions_and_facts_without_what_differs_between_runs(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(outcomes, "OUTPUT_FOLDER", str(tmp_path))
+    monkeypatch.setenv("REPLICATION_NOTEBOOK", "small")
+    workbook.export(
+        cells={CELL: 1 / 3},
+        claims={"monotone": (True, "it is")},
+        facts={"count": 3, "error": ([2.04, float("nan"), 1.0], ".1f")},
+        tables={"small": pd.DataFrame({"x": [1 / 3]})},
+    )
+    outcome = json.loads((tmp_path / "results" / "outcomes" / "small.json").read_text("utf-8"))
+    assert outcome["cells"][0]["numbers"] == 0.333333
+    assert outcome["claims"] == [{"id": "monotone", "holds": True, "measured": "it is"}]
+    assert outcome["facts"] == {"count": "3", "error_low": "1.0", "error_high": "2.0"}
+    assert (tmp_path / "results" / "small.csv").read_text("utf-8") == "x\n0.333333\n"
+
+
+def test_by_hand_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    workbook.export(cells={CELL: 1.0}, tables={"small": pd.DataFrame({"x": [1]})})
+    assert not list(tmp_path.rglob("*"))

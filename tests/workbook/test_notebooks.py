@@ -1,0 +1,56 @@
+"""What every notebook has: its parts, checked parameters, and an executed copy of the same cells."""
+
+import re
+import subprocess
+import sys
+
+import jupytext
+import nbformat
+import pytest
+
+from workbook import ROOT
+from workbook.checkout import notebook_files
+
+SOURCES = notebook_files("py")
+HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing", "Exercises"]
+
+
+def tags(cell):
+    return set(cell.metadata.get("tags", []))
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_notebook_has_its_headings_and_three_solutions(name):
+    cells = jupytext.read(SOURCES[name]).cells
+    text = "\n".join(cell.source for cell in cells if cell.cell_type == "markdown")
+    assert re.findall(r"^## (.+)$", text, re.MULTILINE) == HEADINGS
+    assert sum("solution" in tags(cell) for cell in cells) == 3
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_notebook_has_one_parameters_cell_and_the_next_checks_every_parameter(name):
+    code = [cell for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
+    (position,) = [k for k, cell in enumerate(code) if "parameters" in tags(cell)]
+    assigned = re.findall(r"^(\w+) = ", code[position].source, re.MULTILINE)
+    assert set(assigned) <= set(re.findall(r"\b(\w+)=\(", code[position + 1].source))
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_the_executed_notebook_has_the_cells_of_its_source_and_no_error(name):
+    executed = nbformat.read(SOURCES[name].with_suffix(".ipynb"), as_version=4)
+    cells = jupytext.read(SOURCES[name]).cells
+    assert [cell.source for cell in executed.cells] == [cell.source for cell in cells]
+    outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
+    assert outputs
+    assert all(output.output_type != "error" for output in outputs)
+    assert " at 0x" not in str(outputs), "an object's address, which changes from run to run"
+
+
+def test_jupytext_leaves_a_clone_as_it_is(tmp_path):
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True)
+    sources = [source.relative_to(ROOT) for source in SOURCES.values()]
+    command = [sys.executable, "-m", "jupytext", "--quiet", "--sync", *sources]
+    subprocess.run(command, cwd=clone, check=True)
+    status = ["git", "status", "--porcelain"]
+    assert subprocess.run(status, cwd=clone, check=True, capture_output=True).stdout == b""
