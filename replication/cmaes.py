@@ -96,7 +96,7 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
     growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
-    sigma = state.sigma * np.exp(min(1, growth))  # equation 15, by a factor e at most
+    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15, by a factor e at most
 
     # h_sigma: p_c stalls while p_sigma is much too long.
     length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))

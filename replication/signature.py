@@ -105,14 +105,14 @@ def table1_box(
         Upper bound of T2 [s], and twice that of T1.
     """
     A = amplitude_factor * np.ptp(v) / 2
-    bounds = Parameters(
-        A=(-A, A),
-        t0=(t.min(), t.max()),
-        tau=(5, 30),
-        omega=(2 * np.pi, 2 * np.pi * 40),
-        v_t=(v.min(), v.max()),
-        T2=(0, longest_window),
-        T1=(0, longest_window / 2),
-    )
-    lower, upper = np.array(bounds, dtype=float).T
+    bounds = {
+        "A": (-A, A),
+        "t0": (t.min(), t.max()),
+        "tau": (5, 30),
+        "omega": (2 * np.pi, 2 * np.pi * 40),
+        "v_t": (v.min(), v.max()),
+        "T2": (0, longest_window),
+        "T1": (0, longest_window / 2),
+    }
+    lower, upper = np.array([bounds[name] for name in Parameters._fields], dtype=float).T
     return Box(lower, upper)
