@@ -83,4 +83,4 @@ def test_an_empty_name_is_no_folder_of_logs():
     ended = python(*ESTIMATE, "")
     assert ended.returncode == 2
     assert ended.stderr.count(b"\n") == 1
-    assert b"no file" in ended.stderr
+    assert b"empty name" in ended.stderr
