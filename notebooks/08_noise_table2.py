@@ -175,7 +175,7 @@ between.mean(), 1 - 2 / 6
 # after the numbers were known.
 
 # %%
-kept = pd.read_csv(table2.REALISATIONS)
+kept = table2.read_realisations()
 kept = kept[kept["protocol"].isin([each.name for each in table2.SETTINGS])]
 of_rows = kept.groupby("row")
 regions = pd.DataFrame({"theoretical": theoretical})

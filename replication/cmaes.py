@@ -1,8 +1,8 @@
 """The search of the paper, CMA-ES (equations 12 to 17), as the library that the authors used had it in 2021.
 
-Constants, bounds and the end of a search are those of `cma` 2.6 to 3.2 (Hansen, arXiv:1604.00772): the paper names
-them, or leaves them to the library. In equation 17 c_1 = c_cov / mu_cov, c_mu = c_cov (1 - 1 / mu_cov), and the sum
-runs over all members, the worse half with negative weights.
+Constants, bounds and the end of a search are those of `cma` 2.6 to 3.2, where the paper leaves them to the library
+(method: Hansen, arXiv:1604.00772; the constant 3 in c_sigma is the library's). In equation 17 c_1 = c_cov / mu_cov and
+c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members, the worse half with negative weights.
 
 Why it is written out: with the compiled cost `cma` takes seconds for a run, this a twentieth of a second, and
 Table 2's prediction intervals need a hundred thousand runs. Besides, today's `cma` is another algorithm than that of
@@ -53,7 +53,7 @@ def constants(population: int, n: int) -> Constants:
         weights=positive + total_negative * negative,
         mu=int((raw > 0).sum()),
         mu_eff=mu_eff,
-        # Within 3e-4 of sqrt(2) Gamma((n + 1) / 2) / Gamma(n / 2) at n = 7.
+        # Within 0.03 % of sqrt(2) Gamma((n + 1) / 2) / Gamma(n / 2) at n = 7.
         chi_n=n**0.5 * (1 - 1 / (4 * n) + 1 / (21 * n**2)),
         c_sigma=c_sigma,
         d_sigma=1 + 2 * max(0, ((mu_eff - 1) / (n + 1)) ** 0.5 - 1) + c_sigma,
@@ -82,7 +82,7 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     state : State
         The distribution that was sampled.
     y : array of shape (population, n)
-        Steps (x - m) / sigma of the samples, the best first: x_{i:lambda} of the paper.
+        Steps (x_{i:lambda} - m) / sigma of the samples, the best first.
     B, D : array of shape (n, n) and (n,)
         Axes of C in columns, and their lengths: C = B D^2 B'.
     c : Constants
@@ -96,22 +96,23 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
     growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
-    sigma = state.sigma * np.exp(min(1, growth))  # equation 15, by a factor e at most
+    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15, by a factor e at most
 
-    # h_sigma: p_c stalls while p_sigma is much too long.
-    length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
-    h_sigma = 1.0 if length / n < 2 + 4 / (n + 1) else 0.0
+    # h_sigma stands in the paper's equation 17 alone: 0, and p_c stalls, while p_sigma is much too long; else 1.
+    squared_length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
+    h_sigma = 1.0 if squared_length / n < 2 + 4 / (n + 1) else 0.0
     gain = h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
     p_c = (1 - c.c_c) * state.p_c + gain * step  # equation 16
 
-    # Where the weight is negative, a step counts with the expected length of a sample, sqrt(n).
+    # Where the weight is negative, a step counts with the root mean square length of a sample, sqrt(n).
     lengths = np.sqrt(((y[c.mu :] @ B / D) ** 2).sum(axis=1))
     w = c.weights.copy()
     w[c.mu :] *= n / (lengths + 1e-9) ** 2
     delta = (1 - h_sigma) * c.c_c * (2 - c.c_c)  # the paper's delta(h_sigma)
+    # equation 17
     C = (1 - c.c_1 - c.c_mu * c.weights.sum()) * state.C
     C += c.c_1 * (np.outer(p_c, p_c) + delta * state.C)
-    C += c.c_mu * (w * y.T) @ y  # equation 17
+    C += c.c_mu * (w * y.T) @ y
     return State(state.g + 1, m, sigma, C, p_sigma, p_c)
 
 
@@ -154,7 +155,7 @@ def generations(
     Raises
     ------
     ValueError
-        There is no such search, or a member has no finite misfit.
+        The box is empty, the population or the seed too small, or a member has no finite misfit.
     """
     width = box.upper - box.lower
     if not (np.isfinite(width).all() and (width > 0).all()):
@@ -190,10 +191,10 @@ class Search(NamedTuple):
 
 
 def search(steps: Iterator[Generation], iterations: int) -> Search:
-    """Follow `generations` for so many iterations at most, to the end that two of the library's rules set.
+    """Follow `generations` until either of two rules of the library holds, or for so many iterations.
 
-    The best misfits of the last ten generations (and some more of a small population) are alike within 1e-11 in the
-    unit of the misfit, or the axes of C differ by a factor 1e7. Its other rules hardly ever end a run here.
+    The best misfits of the last 10 + 30 n / population generations are alike within 1e-11, in the misfit's unit; or the
+    axes of C differ by a factor 1e7. The library's other rules hardly ever end a run here.
     """
     history: list[float] = []
     best = Search(np.empty(0), np.inf, 0)
@@ -210,11 +211,11 @@ def search(steps: Iterator[Generation], iterations: int) -> Search:
     return best._replace(generations=len(history))
 
 
-# ------------------------------------------------------------- bounds, as the library had them before 3.4
+# -------------------------------------------------- bounds, as the library had them until 3.3
 
 
 def margins(box: Box) -> tuple[FloatArray, FloatArray]:
-    """Widths of the margins at the lower and upper bounds, in which the map into the box is a parabola."""
+    """Half-widths of the margins about the lower and upper bounds, in which the map into the box is a parabola."""
     half = (box.upper - box.lower) / 2
     at_lower = np.minimum(half, (1 + np.abs(box.lower)) / 20)
     at_upper = np.minimum(half, (1 + np.abs(box.upper)) / 20)
@@ -235,15 +236,15 @@ def _into_box(x, lower, upper, at_lower, at_upper):
     members = np.empty_like(x)
     for p in range(x.shape[0]):
         for i in range(x.shape[1]):
-            inside = x[p, i]
+            value = x[p, i]
             first, last = lower[i] - at_lower[i], upper[i] + at_upper[i]
-            if inside < first or inside > last:
-                inside = first + abs((inside - last) % (2 * (last - first)) - (last - first))
-            if inside < lower[i] + at_lower[i]:
-                inside = lower[i] + (inside - first) ** 2 / (4 * at_lower[i])
-            elif inside > upper[i] - at_upper[i]:
-                inside = upper[i] - (inside - last) ** 2 / (4 * at_upper[i])
-            members[p, i] = inside
+            if value < first or value > last:
+                value = first + abs((value - last) % (2 * (last - first)) - (last - first))
+            if value < lower[i] + at_lower[i]:
+                value = lower[i] + (value - first) ** 2 / (4 * at_lower[i])
+            elif value > upper[i] - at_upper[i]:
+                value = upper[i] - (value - last) ** 2 / (4 * at_upper[i])
+            members[p, i] = value
     return members
 
 

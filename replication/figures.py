@@ -25,12 +25,12 @@ Style = dict[str, Any]
 
 # Okabe and Ito's colours, ordered so that neighbours also differ in grey.
 INK, BLUE, ORANGE, GREEN = "#000000", "#0072B2", "#E69F00", "#009E73"
-PINK, SKY, VERMILLION = "#CC79A7", "#56B4E9", "#D55E00"
+PINK, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
 LOG: Style = {"color": ORANGE, "linewidth": 3.0, "alpha": 0.8}
 FIT: Style = {"color": INK, "linewidth": 0.8}
 OURS: Style = {"color": BLUE}
 PRINTED: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 6, "mew": 1.5}
-DIFFERS = PRINTED | {"color": VERMILLION, "marker": "X", "markersize": 9, "mew": 0.5}
+DIFFERS = PRINTED | {"color": VERMILION, "marker": "X", "markersize": 9, "mew": 0.5}
 THIN: Style = {"color": INK, "linewidth": 0.8}
 DOTTED: Style = {"color": "0.5", "linewidth": 0.8, "linestyle": ":"}
 
@@ -209,7 +209,7 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     sharp = curves["alpha_per_rad"].between(0.99e5, 1e12)
     for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
         line = {"linestyle": ("-", "--", "-.", ":")[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
-        line |= {"color": (SKY, ORANGE, BLUE, VERMILLION)[k % 4]}
+        line |= {"color": (SKY, ORANGE, BLUE, VERMILION)[k % 4]}
         label = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
         if np.isinf(alpha):
             label, line = "clamped dead zone", THIN

@@ -4,9 +4,9 @@ SI units. The motor drives the load through a gear of ratio N and an elastic cou
 delta_theta = theta_m / N - theta_l, and the teeth are free over the gap 2 delta. The joint turns at its commanded
 speed Omega; its state is integrated as deviations from that motion, so that the small signal keeps its digits.
 
-Near zero, equations 8 and 9 do not do what the text says of them. K_BL is K_s / 2 at the edge, and in the middle of
-the gap it leaves 2 K_s / (pi alpha delta), which pulls the teeth towards the nearer edge; the torque jumps by
-2 K_s / (pi alpha) to either side of delta_theta = 0; the term of D_s may pull when the teeth part. The clamped dead
+In the gap, equations 8 and 9 do not do what the text says of them. K_BL is K_s / 2 at the edge, and in the middle of
+the gap it leaves 2 K_s / (pi alpha delta), which pulls the teeth towards the nearer edge; the torque jumps from
+2 K_s / (pi alpha) to minus that at delta_theta = 0; the term of D_s may pull when the teeth part. The clamped dead
 zone has none of these.
 """
 
@@ -41,7 +41,8 @@ class Joint(NamedTuple):
     """A joint but for its backlash.
 
     Every `period` the drive computes the torque K_p e + K_i integral(e) - K_d domega_m/dt + K_w w, where
-    e = K_pos (Omega t - theta_m) + Omega - omega_m, and w is the integral of Omega - omega_m that forgets at `w_rate`.
+    e = K_pos (N start_angle + Omega t - theta_m) + Omega - omega_m, and w is the integral of Omega - omega_m that
+    forgets at `w_rate`.
     """
 
     N: float  # gear ratio
@@ -95,7 +96,7 @@ PLAIN = ("K_pos", "w_rate", "torque_lag", "start_angle", "lead")  # times and an
 
 
 def ratios(joint: Joint) -> dict[str, float]:
-    """Ratios on which the motion depends: one factor on all inertias, torques and gains changes nothing else."""
+    """Ratios on which its motion depends: one factor on all inertias, torques and gains changes nothing."""
     return {
         "K_s/J_l": joint.K_s / joint.J_l,
         "G/J_l": joint.G / joint.J_l,
@@ -113,7 +114,7 @@ def from_ratios(values: Mapping[str, float], N: float = 40.0, **others: Any) -> 
     values : mapping
         All of `ratios`.
     N : float
-        Gear ratio.
+        Gear ratio: at 100 rps of the motor, 40 makes the load's turn of 0.4 s.
     **others
         Further fields of `Joint`.
 
@@ -231,7 +232,7 @@ def disturb(t, theta_m, Omega, waves):
 
 @njit
 def rates(t, y, command, delta, side, j):
-    """Rates of the state y: motor position and speed, load position and speed, motor torque."""
+    """Rates of y: position and speed of motor and load, as deviations from the commanded motion; motor torque."""
     theta_m, omega_m, theta_l, omega_l, torque = y
     driving = torque if j.torque_lag > 0 else command
     motor, load = j.Omega + omega_m, j.Omega / j.N + omega_l
@@ -290,7 +291,7 @@ def runge_kutta(t, y, h, command, delta, side, j):
 
 @njit
 def reach_edge(t, y, h, end, edge, command, delta, side, j):
-    """Part of a step after which the displacement meets an edge, and the state there.
+    """Time into a step after which the displacement meets an edge, and the state there.
 
     Regula falsi; an end that stays twice counts half (the Illinois method).
     """
@@ -299,17 +300,17 @@ def reach_edge(t, y, h, end, edge, command, delta, side, j):
     if g_low * g_high >= 0:
         return 0.0, y
     while True:
-        part = (low * g_high - high * g_low) / (g_high - g_low)
-        at = runge_kutta(t, y, part, command, delta, side, j)
+        elapsed = (low * g_high - high * g_low) / (g_high - g_low)
+        at = runge_kutta(t, y, elapsed, command, delta, side, j)
         g = at[0] / j.N - at[2] - edge
         if not abs(g) > 1e-14:
-            return part, at
+            return elapsed, at
         if g * g_high > 0:
-            high, g_high = part, g
+            high, g_high = elapsed, g
             g_low *= 0.5 if last == 1 else 1.0
             last = 1
         else:
-            low, g_low = part, g
+            low, g_low = elapsed, g
             g_high *= 0.5 if last == -1 else 1.0
             last = -1
 
@@ -345,8 +346,8 @@ def integrate(y, side, delta, step, lead_steps, every, samples, j):
                 break
             way = -1 if x < edges[region] else 1
             edge = edges[region] if way < 0 else edges[region + 1]
-            part, y = reach_edge(t, y, left, end, edge, command, delta, sides[region], j)
-            region, t, left = region + way, t + part, left - part
+            elapsed, y = reach_edge(t, y, left, end, edge, command, delta, sides[region], j)
+            region, t, left = region + way, t + elapsed, left - elapsed
             end = runge_kutta(t, y, left, command, delta, sides[region], j)
         y = end
         if not abs(y[1]) < 10 * j.Omega:
@@ -374,7 +375,7 @@ class Run(NamedTuple):
 
     @property
     def impacts(self) -> FloatArray:
-        """Times of the first sample after each meeting of the teeth [s]."""
+        """Times of the first sample after each meeting of the teeth [s]; contacts between two samples are not seen."""
         meets = (np.diff(self.gap) != 0) & (self.gap[1:] != 0)
         return self.t[1:][meets]
 
@@ -464,6 +465,6 @@ def simulate(
 
 
 def settled_peak(run: Run, joint: Joint) -> float:
-    """Largest motor speed above the commanded one after the first turn [rps]: the theoretical A."""
+    """Largest motor speed above the commanded one after the first turn [rps]: what we read the theoretical A as."""
     settled = run.t >= joint.turn_period
     return float(run.v[settled].max() - joint.Omega / TURN)

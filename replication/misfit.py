@@ -1,8 +1,9 @@
-"""The cost of a population of signatures, compiled: equal to `signature.rmse` but for rounding.
+"""The cost of a population of signatures, compiled: equal to `signature.rmse`, but for samples at a window's very edge.
 
 All windows of a signature hold the same oscillation, half a turn apart and of alternating sign. So a record that is
 summed over the windows once, with their signs, costs one window in place of 2 n. Whether a window holds a sample at its
-very edge is decided once, for all windows; `signature.h` decides it by rounding, window by window.
+edge is decided once, for all windows; `signature.h` decides it by rounding, window by window. Two conditions, which
+Table 1's box keeps: no window begins before the record, and none is longer than a turn.
 """
 
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from replication.signature import FloatArray, Timing, rmse
 
 
 class FoldedRecord(NamedTuple):
-    """A record and its sums over the windows; the arrays are over the samples of the first window."""
+    """A record, and its sums over the windows: of sample j and its shifts by half and whole turns."""
 
     t0: float  # time of the first sample [s]
     dt: float
@@ -62,35 +63,36 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
 
 
 @njit
-def sum_windows(members, r):
-    """Sums of u^2, u (v - mean) and u over a record, shape (members, 3), with u the signature of A = 1."""
+def sum_windows(members, record):
+    """Sums of w^2, w (v - mean) and w over a record, shape (members, 3); w is the signature of A = 1."""
     sums = np.empty((len(members), 3))
-    wave = np.empty(r.size)
+    buffer = np.empty(record.size)
     for p in range(len(members)):
         _, t0, tau, omega, _, T2, T1 = members[p]
-        start = (t0 - r.t0) / r.dt
-        first = max(int(np.ceil(start + T1 / r.dt)), 0)
-        last = min(int(np.floor(start + T2 / r.dt)), r.size - 1)
-        u = wave[: max(last + 1 - first, 0)]
-        fill_oscillation(u, (first - start) * r.dt, T1, tau, omega, r.dt)
-        value, both, sign = r.value[first:], r.both[first:], r.sign[first:]
+        start = (t0 - record.t0) / record.dt
+        first = max(int(np.ceil(start + T1 / record.dt)), 0)
+        last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
+        # u is one window; all others are its copies.
+        u = buffer[: max(last + 1 - first, 0)]
+        fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
+        value, both, sign = record.value[first:], record.both[first:], record.sign[first:]
         square = product = total = 0.0
         for k in range(u.size):
             square += both[k] * u[k] ** 2
             product += value[k] * u[k]
             total += sign[k] * u[k]
         # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
-        for k in range(r.half, u.size):
-            square -= 2 * r.in_turn[first + k] * u[k] * u[k - r.half]
-        for k in range(r.turn - r.half, u.size):
-            square -= 2 * r.in_next[first + k] * u[k] * u[k - r.turn + r.half]
+        for k in range(record.half, u.size):
+            square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
+        for k in range(record.turn - record.half, u.size):
+            square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
         sums[p] = square, product, total
     return sums
 
 
 @njit
 def fill_oscillation(u, since, T1, tau, omega, dt):
-    """Equation 5 with A = 1 in even samples, the first one a time after the instant t0."""
+    """Equation 5 with A = 1 in evenly spaced samples, the first of them `since` after the instant t0."""
     # exp(-(t - T1) tau) sin(omega t) is the imaginary part of a wave that each sample multiplies by the same factor.
     wave = np.exp(-(since - T1) * tau + 1j * omega * since)
     factor = np.exp((1j * omega - tau) * dt)
@@ -110,7 +112,7 @@ def population_rmse(members: FloatArray, record: FoldedRecord) -> FloatArray:
     """Misfits of members, shape (members, 7) in the order of `Parameters`, in the unit of v."""
     square, product, total = sum_windows(members, record).T
     A, level = members[:, 0], members[:, 4] - record.mean
-    # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A u.
+    # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A w.
     squares = record.square + record.size * level**2
     squares += A**2 * square - 2 * A * (product - level * total)
     return np.sqrt(np.maximum(squares, 0) / record.size)
@@ -121,8 +123,9 @@ def project(
 ) -> tuple[FloatArray, FloatArray]:
     """Replace A and v_t of members by those of the least misfit; with these misfits, shapes (members, 7), (members,).
 
-    v = A u + v_t is linear in both, so least squares gives A = mean((u - mean u) (v - mean v)) / var u and
-    v_t = mean v - A mean u. A is held within plus and minus `largest_A`.
+    No step of the paper. The model A w + v_t, with w as in `sum_windows`, is linear in both, so least squares
+    gives A = mean((w - mean w) (v - mean v)) / var w and v_t = mean v - A mean w. A is held within plus and minus
+    `largest_A`, v_t is free.
     """
     square, product, total = sum_windows(members, record).T
     variance = square - total**2 / record.size

@@ -104,7 +104,7 @@ def add_noise(
 
 def constant_speed() -> Recording:
     """A record of twelve turns without backlash and noise: the commanded speed and nothing else."""
-    t = SAMPLE_S * np.arange(2401)
+    t = SAMPLE_S * np.arange(2401, dtype=float)
     v = np.full(t.size, COMMANDED_SPEED_RPS)
     return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, "constant speed")
 

@@ -1,7 +1,7 @@
 """The backlash signature h(t), its cost and the box of its parameters (equations 1 to 7 and 11, Table 1).
 
-Times in s, speeds in rps, frequencies in rad/s. Equations 1 to 4 are equations 5 to 7 with absolute instants in
-place of intervals after t0.
+Times in s, speeds in rps, frequencies in rad/s. Equations 1 to 4 introduce the same model with absolute instants; what
+is fitted are equations 5 to 7, with intervals after an instant t0.
 """
 
 from typing import NamedTuple
@@ -22,7 +22,9 @@ class Parameters(NamedTuple):
     t0: float  # first instant [s]
     tau: float  # damping factor [1/s]
     omega: float  # angular frequency [rad/s]
-    v_t: float  # commanded speed [rps]
+    v_t: (
+        float  # level of the speed [rps]: commanded in the text, but searched, as Table 1 bounds it
+    )
     T2: float  # end of an oscillation after its instant [s]
     T1: float  # and its beginning
 
@@ -49,7 +51,7 @@ def d_b(t: FloatArray, X: Parameters, t0: float) -> FloatArray:
     """Equation 5: one damped oscillation, between T1 and T2 after the instant t0; shape (samples,)."""
     since = t - t0
     inside = (since >= X.T1) & (since <= X.T2)
-    since = np.where(inside, since, X.T1)
+    since = np.where(inside, since, X.T1)  # outside, where exp() could overflow, any value serves
     return np.where(inside, X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since), 0.0)
 
 
@@ -102,17 +104,17 @@ def table1_box(
     amplitude_factor : float
         Widens the range of A. Table 1 has 1, the authors' notebook 1.3.
     longest_window : float
-        Upper bound of T2 [s], and twice that of T1.
+        Upper bound of T2 [s], and twice that of T1: Table 1 prints its T_d, 0.204, and we keep that.
     """
     A = amplitude_factor * np.ptp(v) / 2
-    bounds = Parameters(
-        A=(-A, A),
-        t0=(t.min(), t.max()),
-        tau=(5, 30),
-        omega=(2 * np.pi, 2 * np.pi * 40),
-        v_t=(v.min(), v.max()),
-        T2=(0, longest_window),
-        T1=(0, longest_window / 2),
-    )
-    lower, upper = np.array(bounds, dtype=float).T
+    bounds = {
+        "A": (-A, A),
+        "t0": (t.min(), t.max()),
+        "tau": (5, 30),
+        "omega": (2 * np.pi, 2 * np.pi * 40),
+        "v_t": (v.min(), v.max()),
+        "T2": (0, longest_window),
+        "T1": (0, longest_window / 2),
+    }
+    lower, upper = np.array([bounds[name] for name in Parameters._fields], dtype=float).T
     return Box(lower, upper)

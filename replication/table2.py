@@ -342,6 +342,13 @@ def realise(settings: Settings, row: int, realisation: int) -> dict[str, object]
     }
 
 
+def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
+    """The realisations that are kept, equally many of rows 1 to 10 under each setting: the rows of `realise`."""
+    table = pd.read_csv(path)
+    number = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size().min()
+    return table[table["realisation"] <= number]
+
+
 def prediction_interval(
     numbers: Sequence[float] | FloatArray, level: float = 0.95
 ) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from tests.logs import noisy, write
 from workbook.__main__ import main as workbook_command
 
 ROOT = Path(__file__).resolve().parents[1]
-ESTIMATE = ("-m", "backlash", "estimate", "--turn-period", "0.4", "--method", "energy")
+ESTIMATE = ("-m", "backlash", "estimate", "--turn-period", "0.4", "--method", "amplitude")
 
 
 def python(*arguments, **variables) -> subprocess.CompletedProcess:
@@ -83,4 +83,4 @@ def test_an_empty_name_is_no_folder_of_logs():
     ended = python(*ESTIMATE, "")
     assert ended.returncode == 2
     assert ended.stderr.count(b"\n") == 1
-    assert b"no file" in ended.stderr
+    assert b"empty name" in ended.stderr

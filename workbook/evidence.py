@@ -4,7 +4,6 @@ A realisation is one noise on a row's record and thirty runs of the search: one 
 of their own, so a table of ours is any choice of one realisation for each row.
 """
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from replication import published
 
 ROWS = range(1, 11)  # those of Table 2 with backlash
-REALISATIONS = 40  # of each setting that judge Table 2
 DRAWS = 20_000  # tables drawn for a p
 LEVEL = 0.05
 
@@ -28,17 +26,9 @@ class Tables(NamedTuple):
     sds: Floats
 
 
-def read_realisations(results: Path) -> pd.DataFrame:
-    """Read the first forty realisations of each setting that has as many: rows of `table2_realisations.csv`."""
-    table = pd.read_csv(results / "table2_realisations.csv")
-    first = table[table["realisation"] <= REALISATIONS]
-    complete = first.groupby("protocol")["realisation"].transform("max") == REALISATIONS
-    return first[complete]
-
-
 def starts_drawn(realisations: pd.DataFrame) -> pd.Series:
     """Which realisations start at a random one of the first 100 samples, as the text says."""
-    return realisations["protocol"].str.contains("drawn start|start per")
+    return realisations["protocol"].str.contains("drawn start")
 
 
 def tables(realisations: pd.DataFrame) -> Tables:

@@ -61,7 +61,7 @@ def run(source: Path) -> str:
         try:
             _execute_into(project, source, project)
             where = ""
-            write_text(project / ".make" / f"{name}.ran", "")
+            write_text(project / ".make" / f"{name}.ran", f"{time.monotonic() - start:.0f}\n")
         except DataMissing as missing:
             try:
                 apart = project / OFFLINE.relative_to(ROOT)

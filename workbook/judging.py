@@ -151,7 +151,8 @@ def decided_claims(results: Path) -> pd.DataFrame:
     """
     claims = published.table("claims").reset_index()[["id", "claim", "section", "untested"]]
     table = claims.merge(decide_claims(load_outcomes(results)), on="id", how="left")
-    table["measured"] = table["measured"].fillna(table.pop("untested"))
+    untested = table.pop("untested").replace("", "no notebook decided it")
+    table["measured"] = table["measured"].fillna(untested)
     return table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""})
 
 

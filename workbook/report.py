@@ -170,7 +170,9 @@ def describe(results: Path) -> dict[str, Any]:
         "seconds": count_seconds(cells),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
-        "evidence": evidence.table2_evidence(evidence.read_realisations(ROOT / "results")),
+        "evidence": evidence.table2_evidence(
+            table2.read_realisations(ROOT / "results" / "table2_realisations.csv")
+        ),
         "hardware": describe_hardware(ROOT / "results"),
         "claims": judging.decided_claims(results).set_index("id"),
         "populations": [settings.population for settings in table2.SETTINGS],

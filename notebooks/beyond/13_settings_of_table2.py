@@ -97,7 +97,7 @@ basins
 # [%].
 
 # %%
-kept = pd.read_csv(table2.REALISATIONS)
+kept = table2.read_realisations()
 used = kept[kept["realisation"] <= most]
 by_name = {name: evidence.weigh(part) for name, part in used.groupby("protocol", sort=False)}
 judged = pd.DataFrame(by_name).T

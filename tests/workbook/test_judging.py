@@ -99,9 +99,9 @@ def test_the_resolution_says_both_sides_of_a_lopsided_interval():
 def test_a_number_that_is_missing_is_not_tested(tmp_path):
     row = judged("table2.row02.sd", {"a": [math.nan] * 40})
     assert (row["agreement"], row["reason"]) == ("not tested", "no notebook computed it")
-    table = judging.verdicts(tmp_path)
-    assert list(table["id"]) == list(CELLS.index)
-    assert set(table["agreement"]) == {"not tested"}
+    table = judging.verdicts(tmp_path).set_index("id")
+    assert list(table.index) == list(CELLS.index)
+    assert set(table.drop(DERIVED_CELLS)["agreement"]) == {"not tested"}
 
 
 def test_a_number_that_two_notebooks_export_is_refused(tmp_path):
@@ -180,8 +180,8 @@ def test_an_outside_recount_of_table_2_moves_no_cell():
     study = pd.read_csv(RESULTS / "table2_realisations.csv")
     table = judging.verdicts(RESULTS).set_index("id")
     whole = [settings.name for settings in table2.SETTINGS]
-    study = study[study["protocol"].isin(whole) & (study["realisation"] <= 40)]
-    assert (study[study["row"] < 11].groupby("row").size() == 320).all()
+    study = study[study["protocol"].isin(whole)]
+    assert study[study["row"] < 11].groupby(["row", "protocol"]).size().nunique() == 1
     for row, part in study.groupby("row"):
         for of in ("mean", "sd"):
             ranked = part[f"{of}_A_rps"].sort_values().to_numpy()
