@@ -267,9 +267,9 @@ times = (summary["mean error"] / summary["bound"]).map("{:.1f}".format)
 mean_mrad = summary["mean error"].map("{:.4f}".format)
 workbook.verdict(
     f"{of_log}. Not knowing the stiffness multiplies the SD of the backlash by {sds[1] / sds[0]:.1f}. On "
-    f"{len(levels) * len(realisations)} noisy logs equation 10 errs by {mean_mrad['equation 10']} mrad on average, the fit of an "
-    f"unknown joint by {mean_mrad['joint unknown']} mrad ({times['joint unknown']} times the bound), that of the known "
-    f"joint by {mean_mrad['joint known']} mrad ({times['joint known']} times its bound)."
+    f"{len(levels) * len(realisations)} noisy logs equation 10 errs by {mean_mrad['equation 10']} mrad on average, the "
+    f"fit of an unknown joint by {mean_mrad['joint unknown']} mrad ({times['joint unknown']} times the bound), that of "
+    f"the known joint by {mean_mrad['joint known']} mrad ({times['joint known']} times its bound)."
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
