@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication.records import DataCorrupt, DataUnavailable
+from replication.records import DataCorrupt
 from studies import hardware
 
 LOGS = hardware.list_logs()
@@ -20,7 +20,7 @@ def test_every_log_is_registered_with_its_commit_hash_and_licence():
 def test_a_log_that_is_missing_or_was_changed_is_refused(tmp_path, monkeypatch):
     row = LOGS.iloc[0]
     monkeypatch.setenv("HARDWARE_LOGS", str(tmp_path))
-    with pytest.raises(DataUnavailable, match="HARDWARE_LOGS"):
+    with pytest.raises(DataCorrupt, match="HARDWARE_LOGS"):
         hardware.load_log(row)
     file = tmp_path / row["repository"].replace("/", "+") / row["path"]
     file.parent.mkdir(parents=True)
