@@ -2,7 +2,7 @@
 # # 11 · Measure your own joint
 #
 # *You will estimate the backlash of a joint from a log, by the torque and by a calibration, follow
-# it over months, and see when the sensor refuses; then measure a log of your own. Run time: 20 s.
+# it over months, and see when the sensor refuses; then measure a log of your own. Run time: 30 s.
 # Before this: notebook [0](../00_the_sensor.ipynb).*
 #
 # **A guide to the virtual sensor. A simulated joint replaces yours; nothing of the paper is judged
@@ -80,7 +80,7 @@ my_log = ""  # path of a log of your own (CSV, XLSX or Parquet)
 my_settings = {"turn_period_s": 0.4}  # what you know of it, as `backlash.estimate` takes it
 bench_seed = 3  # which joint is drawn
 backlash_mrad = 1.1  # of the log that is looked at closely
-friction_share = 0.0  # Coulomb friction added to the load, over gravity
+friction_share = 0.0  # Coulomb friction that the load has since the calibration, over gravity
 gravity_given = 1.0  # m g r / J_l that the sensor is given, over the true one
 calibration_levels = 9  # logs of known backlash
 log_turns = 12  # of each log
@@ -166,7 +166,7 @@ if by_torque.trace:
 # %%
 period = {"turn_period_s": my_joint.turn_period}
 known_rad = np.linspace(3e-4, 19e-4, calibration_levels)
-known_logs = [log_joint(delta, 100 + k) for k, delta in enumerate(known_rad)]
+known_logs = [log_joint(delta, 100 + k, drawn.joint) for k, delta in enumerate(known_rad)]
 with workbook.explain("calibration_levels", calibration_levels):
     own = backlash.calibrate(known_logs, known_rad, **period)
 by_speed = backlash.estimate(log, **period)
@@ -176,12 +176,13 @@ print(by_speed, calibrated, sep="\n")
 # %% [markdown]
 # ### Over the months
 #
-# Dated logs of a joint that wears by 0.68 mrad a year, and the line through their estimates,
+# Dated logs of the joint as calibrated, which wears by 0.68 mrad a year, and the line through their estimates,
 # weighted by their intervals.
 
 # %%
 dates = pd.date_range("2026-01-05", periods=8, freq="28D")
-worn_logs = [log_joint(delta, 300 + k) for k, delta in enumerate(np.linspace(5e-4, 8.65e-4, 8))]
+worn_rad = np.linspace(5e-4, 8.65e-4, dates.size)
+worn_logs = [log_joint(delta, 300 + k, drawn.joint) for k, delta in enumerate(worn_rad)]
 with workbook.explain("log_turns", log_turns):
     wear = backlash.trend(worn_logs, dates, limit_rad=limit_rad, calibration=own, **period)
 print(wear)
@@ -198,12 +199,12 @@ workbook.show_figure(
 # A sensor must refuse what it cannot judge. *Predict:* which of these logs are answered?
 
 # %%
-rubbed = my_joint._replace(load_coulomb=0.2 * gravity_nm)
+rubbed = drawn.joint._replace(load_coulomb=0.2 * gravity_nm)
 noise_rps = np.random.default_rng(bench_seed).normal(0, 5, len(log))
 by_own = {"calibration": own} | period
 odd = {
-    "no backlash": (log_joint(0.0, 1), by_own),
-    "twice the calibration's largest backlash": (log_joint(38e-4, 2), by_own),
+    "no backlash": (log_joint(0.0, 1, drawn.joint), by_own),
+    "twice the calibration's largest backlash": (log_joint(38e-4, 2, drawn.joint), by_own),
     "friction of 20 % of gravity, not there in the calibration": (
         log_joint(backlash_rad, 3, rubbed),
         by_own,

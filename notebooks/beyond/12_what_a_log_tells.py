@@ -279,7 +279,7 @@ workbook.export()
 # ## Try changing
 #
 # 1. `backlash_mrad = 0.4`: a smaller gap, with a narrower interval.
-# 2. `gain_factor = 0.6`: a drive that the fit does not know; it refuses, or it is wrong.
+# 2. `gain_factor = 0.7`: a drive that the fit does not know; it refuses, or it is wrong.
 # 3. `levels = [11]`: near the largest backlash equation 10 errs most.
 #
 # ## Exercises
