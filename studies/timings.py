@@ -5,6 +5,7 @@ minimum of a noisy record with 99 %, `results/notebook_times.csv` how long the n
 """
 
 from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -34,6 +35,11 @@ def time_call(call: Callable[[], Any]) -> tuple[float, Any]:
     begun = perf_counter()
     returned = call()
     return perf_counter() - begun, returned
+
+
+def run_seeds(run: Callable[[int], float], number: int) -> list[float]:
+    """Lowest misfits of runs with the seeds 1 to `number`."""
+    return [run(seed) for seed in range(1, number + 1)]
 
 
 def median_seconds(call: Callable[[], Any]) -> float:
@@ -149,9 +155,7 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
     rows = []
     for name, (number, run) in methods.items():
         run(1)
-        seconds, ends = time_call(
-            lambda run=run, number=number: [run(k) for k in range(1, number + 1)]
-        )
+        seconds, ends = time_call(partial(run_seeds, run, number))
         best = int(np.sum(np.array(ends) <= limit))
         # With half a run more on either side, a share of 0 or 1 is not certain.
         share = (best + 0.5) / (number + 1)
