@@ -213,8 +213,8 @@ found = runs["over the global minimum"] < 1.01  # the other minima lie far above
 runs.round(4)
 
 # %% [markdown]
-# Other searches with the same compiled misfit on a noisy record, measured at another time (`make bench`): seconds of a run,
-# and until the best minimum is found with 99 %.
+# Other searches with the same compiled misfit on a noisy record, measured at another time (`make bench`): seconds of a
+# run, and until the best minimum is found with 99 %.
 
 # %%
 pd.read_csv(workbook.ROOT / "results" / "peers.csv", index_col="search").round(3)
