@@ -17,7 +17,10 @@ def run_notebook(monkeypatch):
         matplotlib.use("Agg")
         monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
         verdicts, printed = [], io.StringIO()
-        names = {"display": lambda *shown: None, "print": lambda *text: print(*text, file=printed)}
+        names = {
+            "display": lambda *shown: None,
+            "print": lambda *text, **how: print(*text, **how, file=printed),
+        }
         monkeypatch.setattr(workbook, "verdict", lambda text, *_, **__: verdicts.append(text))
         monkeypatch.setattr(IPython.display, "display", lambda *shown: None)
         monkeypatch.setattr(workbook, "flipbook", lambda *drawn, **options: None)
