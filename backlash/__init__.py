@@ -1,9 +1,11 @@
 """The virtual sensor for backlash on an engineer's own logs.
 
-With time [s], motor speed [rps] and motor torque as arrays, or a table, or a log file::
+With time [s], motor speed and motor torque as arrays, or a table, or a log file. The unit of the speed is asked for::
 
     import backlash
-    answer = backlash.estimate(t, v, torque=torque, gear_ratio=100, inertia_ratio=2.0, gravity_per_s2=30.0)
+    answer = backlash.estimate(
+        t, v, unit="rps", torque=torque, gear_ratio=100, inertia_ratio=2.0, gravity_per_s2=30.0
+    )
     print(answer.verdict, answer.backlash_rad, answer.backlash_interval_rad)
 """
 
