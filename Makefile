@@ -32,7 +32,7 @@ test: .venv/.test  ## the tests, on the committed results, but for the slow ones
 	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
 
 slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long searches
-	$(PYTEST) -m slow
+	$(PYTEST) -m slow $(TESTS)
 
 check: .venv/.installed  ## print every number with its verdict; fails if one differs unexpectedly
 	@$(RUN) check

@@ -89,6 +89,7 @@ limit_mrad = 1.0  # backlash that calls for maintenance
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     my_log=(my_log, (my_log,)),  # reading it says what is wrong with it
+    my_settings=(my_settings, (my_settings,)),
     bench_seed=(bench_seed, range(0, 10**6)),
     backlash_mrad=(backlash_mrad, Interval(0, 5)),
     friction_share=(friction_share, Interval(0, 2)),

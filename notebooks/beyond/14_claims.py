@@ -431,7 +431,7 @@ needed_bits = int(np.ceil(np.log2(1 / (0.002 * 0.0009))))
 step_19_rps = 1 / (2**19 * 0.002)
 assert 1 / (2**needed_bits * 0.002) < 0.0009 < 1 / (2 ** (needed_bits - 1) * 0.002)
 change_rps = by_bits.query("bits == 19")["change_rps"].max()
-assert change_rps < step_19_rps / 3
+assert change_rps < step_19_rps
 print(
     f"{needed_bits} bits. The fit averages over samples: steps of {step_19_rps:.1e} rps change A by {change_rps:.1e}"
 )

@@ -57,7 +57,8 @@ def test_a_page_is_drawn_without_a_complaint_a_request_or_a_barrier(tab, book, n
         page.wait_for_selector("mjx-container")
     assert page.locator("img").count() > 0
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    rules = {"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"]}
+    # Without preload axe does not read style sheets anew, which a page of a file may not.
+    rules = {"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"], "preload": False}
     violations = axe.Axe().run(page, options=rules).response["violations"]
     assert [(each["id"], each["nodes"][0]["target"]) for each in violations] == []
     assert page.complaints == []
