@@ -153,8 +153,8 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) ->
     log : str, Path, DataFrame, Log, or array of shape (samples,)
         A file, "-" for the standard input, a table, what `read_log` returned, or the time stamps [s] of `v`.
     v : array of shape (samples,), optional
-        Motor speed, in `unit`, which has to be said; with `position=True` its position, in the turns (rps), rad (rad/s) or counts
-        that go with `unit`.
+        Motor speed, in `unit`, which has to be said; with `position=True` its position, in the turns (rps), rad
+        (rad/s) or counts that go with `unit`.
     turn_period_s, gear_ratio : float
         Of the load [s], and motor turns in a load turn (1 where the signals are the joint's); one is needed.
     torque : str or array of shape (samples,), optional
