@@ -21,6 +21,9 @@ os.environ["BACKLASH_DATA"] = os.environ.get("BACKLASH_DATA") or NOWHERE
 # Parameters that a record is made with: its windows start midway between samples.
 TRUE_X = np.array([-0.6, 0.0125, 15.0, 134.0, 100.0, 0.1515, 0.0125])
 
+# Nor does a test read the user's configuration of Jupyter.
+os.environ["JUPYTER_NO_CONFIG"] = "1"
+
 # No test hangs on a clock: other machines are slower.
 settings.register_profile("no clock", deadline=None)
 settings.load_profile("no clock")
