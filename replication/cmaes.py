@@ -1,11 +1,17 @@
-"""The search of the paper, CMA-ES (equations 12 to 17), as the library that the authors used had it in 2021.
+"""The search of the paper, CMA-ES (equations 12 to 17), as the library that the authors' public notebook calls had it.
 
-Constants, bounds and the end of a search are those of `cma` 2.6 to 3.2, where the paper leaves them to the library
-(method: Hansen, arXiv:1604.00772; the constant 3 in c_sigma is the library's). In equation 17 c_1 = c_cov / mu_cov and
-c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members, the worse half with negative weights.
+What the equations leave open follows that library, `cma` as of 2021 (2.6 to 3.2; method: Hansen, arXiv:1604.00772):
 
-Why it is written out: with the compiled cost `cma` takes seconds for a run, this a twentieth of a second, and
-Table 2's prediction intervals need a hundred thousand runs. Besides, today's `cma` is another algorithm than that of
+- the constants, with 3 in c_sigma and a factor min(1, lambda / 6), and the bounds and ends of a search;
+- 12: C starts beside the identity, which orders equal axes, and m in the middle of the box;
+- 13: the sum is over the mu best of the new members, as the text says; the equation prints unranked ones (E12);
+- 15: a factor e at most, and E||N(0, I)|| by its series;
+- 16: h_sigma, which the paper has in equation 17 alone, stalls p_c too;
+- 17: c_1 = c_cov / mu_cov and c_mu = c_cov (1 - 1 / mu_cov), and the sum runs over all members, the worse half with
+  negative weights.
+
+Why it is written out: with the compiled cost `cma` takes seconds for a run, this a twentieth of a second, and our
+prediction intervals for Table 2 need a hundred thousand runs. Besides, today's `cma` is another algorithm than that of
 2021. The tests compare a generation with the library, and `studies` replays the authors' stored runs.
 """
 
@@ -45,7 +51,7 @@ def constants(population: int, n: int) -> Constants:
     c_sigma = (mu_eff + 2) / (n + mu_eff + 3)
     c_1 = min(1, population / 6) * 2 / ((n + 1.3) ** 2 + mu_eff)
     c_mu = min(1 - c_1, 2 * (mu_eff - 1.75 + 1 / mu_eff) / ((n + 2) ** 2 + mu_eff))
-    # As much as keeps the size of C on average, but no more than keeps it positive definite.
+    # The least of three: what keeps the size of C on average, keeps C positive definite, and suits their own mu_eff.
     total_negative = min(
         1 + c_1 / c_mu, (1 - c_1 - c_mu) / c_mu / n, 1 + 2 * mu_eff_negative / (mu_eff + 2)
     )
@@ -98,13 +104,13 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
     sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15, by a factor e at most
 
-    # h_sigma stands in the paper's equation 17 alone: 0, and p_c stalls, while p_sigma is much too long; else 1.
+    # 0, and p_c stalls, while p_sigma is much too long; else 1.
     squared_length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
     h_sigma = 1.0 if squared_length / n < 2 + 4 / (n + 1) else 0.0
     gain = h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
     p_c = (1 - c.c_c) * state.p_c + gain * step  # equation 16
 
-    # Where the weight is negative, a step counts with the root mean square length of a sample, sqrt(n).
+    # Where the weight is negative, a step is rescaled to the Mahalanobis length sqrt(n), that of a usual sample.
     lengths = np.sqrt(((y[c.mu :] @ B / D) ** 2).sum(axis=1))
     w = c.weights.copy()
     w[c.mu :] *= n / (lengths + 1e-9) ** 2
@@ -165,7 +171,7 @@ def generations(
     n, unit = width.size, width / 4
     normals = np.random.RandomState(seed)
     c = constants(population, n)
-    C = np.diag(np.exp(1e-4 * np.arange(n) / n))  # the identity, but for an order of the axes
+    C = np.diag(np.exp(1e-4 * np.arange(n) / n))  # nearly the identity, with an order
     m = from_box((box.lower + box.upper) / 2, box) / unit
     state = State(0, m, 1.0, C, np.zeros(n), np.zeros(n))
     while True:
@@ -193,8 +199,9 @@ class Search(NamedTuple):
 def search(steps: Iterator[Generation], iterations: int) -> Search:
     """Follow `generations` until either of two rules of the library holds, or for so many iterations.
 
-    The best misfits of the last 10 + 30 n / population generations are alike within 1e-11, in the misfit's unit; or the
-    axes of C differ by a factor 1e7. The library's other rules hardly ever end a run here.
+    The best misfits of the last 10 + 30 n / population generations (in a shorter run of all, but of ten at least) are
+    alike within 1e-11, in the misfit's unit; or the axes of C differ by a factor 1e7. The library's other rules hardly
+    ever end a run here.
     """
     history: list[float] = []
     best = Search(np.empty(0), np.inf, 0)
@@ -206,12 +213,12 @@ def search(steps: Iterator[Generation], iterations: int) -> Search:
         population, n = now.members.shape
         recent = history[-10 - 30 * n // population :]
         alike = len(recent) >= 10 and np.ptp(recent) < 1e-11
-        if alike or now.D[-1] > 1e7 * now.D[0] or len(history) == iterations:
+        if alike or now.D[-1] > 1e7 * now.D[0] or len(history) >= iterations:
             break
     return best._replace(generations=len(history))
 
 
-# -------------------------------------------------- bounds, as the library had them until 3.3
+# -------------------------------------------------- bounds, as the library had them in 2021
 
 
 def margins(box: Box) -> tuple[FloatArray, FloatArray]:

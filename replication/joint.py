@@ -1,5 +1,8 @@
 """The robotic joint (equations 8 and 9, figures 7 and 8): two inertias, backlash, gravity and a digital drive.
 
+Equations 8 and 9 are the paper's; the form of the drive and all values are ours, identified from the public records
+(`data/joint.json`), because the paper prints none. `njit` is numba's compiler, without fast-math.
+
 SI units. The motor drives the load through a gear of ratio N and an elastic coupling, written on the load's side:
 delta_theta = theta_m / N - theta_l, and the teeth are free over the gap 2 delta. The joint turns at its commanded
 speed Omega; its state is integrated as deviations from that motion, so that the small signal keeps its digits.
@@ -31,10 +34,8 @@ class Wave(NamedTuple):
 
     order: float  # periods in a motor turn
     phase: float
-    on_motor: float = (
-        0.0  # amplitudes [N m]; the motor's follows its own angle, the load's the commanded motion
-    )
-    on_load: float = 0.0
+    on_motor: float = 0.0  # amplitude [N m]; it follows the motor's angle since t = 0
+    on_load: float = 0.0  # amplitude [N m]; it follows the commanded motion
 
 
 class Joint(NamedTuple):
@@ -92,11 +93,15 @@ ANY_SIGN = ("K_pos", "K_p", "K_i", "K_d", "K_w", "start_angle")
 # ------------------------------------------------------------ what a record of the motor's speed can tell
 
 GAINS = ("K_p", "K_i", "K_d", "K_w")
-PLAIN = ("K_pos", "w_rate", "torque_lag", "start_angle", "lead")  # times and angles need no scale
+# Rates, times and an angle, which the scale of torques leaves as they are.
+PLAIN = ("K_pos", "w_rate", "torque_lag", "start_angle", "lead")
 
 
 def ratios(joint: Joint) -> dict[str, float]:
-    """Ratios on which its motion depends: one factor on all inertias, torques and gains changes nothing."""
+    """Ratios on which the motion depends, where nothing damps or disturbs it.
+
+    One factor on all inertias, torques and gains changes nothing.
+    """
     return {
         "K_s/J_l": joint.K_s / joint.J_l,
         "G/J_l": joint.G / joint.J_l,
@@ -139,10 +144,12 @@ def from_ratios(values: Mapping[str, float], N: float = 40.0, **others: Any) -> 
 def change(joint: Joint, factors: Mapping[str, float]) -> Joint:
     """Multiply ratios of a joint, its other ratios kept, then fields, each alone.
 
+    With another ratio the load is a point of 5 kg again; damping, frictions and waves keep their torques in N m.
+
     Raises
     ------
     ValueError
-        If a name is neither one of `ratios` nor a number of `Joint`.
+        If a name is neither one of `ratios` nor a number of `Joint`, or a field is zero, which no factor changes.
     """
     old = ratios(joint)
     numbers = set(numbers_of(joint))
@@ -153,10 +160,10 @@ def change(joint: Joint, factors: Mapping[str, float]) -> Joint:
         point = from_ratios(new, joint.N)
         fields = ("J_m", "J_l", "G", "K_s", *GAINS, *PLAIN)
         joint = joint._replace(**{name: getattr(point, name) for name in fields})
-    alone: dict[str, Any] = {
-        name: factor * getattr(joint, name) for name, factor in factors.items() if name not in old
-    }
-    return joint._replace(**alone)
+    alone: dict[str, Any] = {name: factors[name] for name in factors if name not in old}
+    if zero := [name for name in alone if getattr(joint, name) == 0]:
+        raise ValueError(f"{', '.join(zero)}: zero, which no factor changes; use _replace")
+    return joint._replace(**{name: alone[name] * getattr(joint, name) for name in alone})
 
 
 def identified_joint() -> Joint:
@@ -254,7 +261,7 @@ def rates(t, y, command, delta, side, j):
 def drive(t, y, memory, pending, k, j):
     """Queue the torque that the drive computes in its period k, and return the one to hold.
 
-    `memory` is the integral, the leaky integral, and the last speed and position.
+    `memory` is K_i times the integral, the leaky integral, and the last speed and position.
     """
     position, speed = y[0], y[1]
     if j.encoder_step > 0:
@@ -358,7 +365,7 @@ def integrate(y, side, delta, step, lead_steps, every, samples, j):
 
 
 class Run(NamedTuple):
-    """What the joint did at the samples, positions and speeds in full."""
+    """What the joint did at the samples; positions and speeds with the commanded motion."""
 
     t: FloatArray
     theta_m: FloatArray
@@ -404,7 +411,10 @@ def check(joint: Joint, delta: float, duration: float, sample: float, step: floa
 
 
 def balance(joint: Joint, delta: float) -> tuple[tuple[float, ...], int]:
-    """State at the start, at the commanded speed and with torques in balance, and the side on which the teeth touch."""
+    """State at the start, and the side on which the teeth touch.
+
+    The speed is the commanded one, and the torques balance, but for waves and for K_s in place of equation 8's K_BL.
+    """
     load = joint.Omega / joint.N
     angle = joint.start_angle - load * joint.lead
     torque = joint.G * np.sin(angle) + joint.load_viscous * load + joint.load_coulomb

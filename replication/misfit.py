@@ -22,12 +22,12 @@ class FoldedRecord(NamedTuple):
     dt: float
     size: int
     mean: float  # of v
-    square: float  # sum of (v - mean)^2
+    power: float  # sum of (v - mean)^2
     half: int  # samples of T_d
     turn: int  # and of T_f
     value: FloatArray  # v - mean in the positive windows, less that in the negative ones
     sign: FloatArray  # number of positive windows that have this sample in the record, less that of negative ones
-    both: FloatArray  # number of both
+    both: FloatArray  # number of windows of either sign that have it
     in_turn: FloatArray  # windows in which a long oscillation meets its own turn's other one
     in_next: FloatArray  # and the next turn's first one
 
@@ -45,49 +45,45 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
     padded[0, : t.size] = v - mean
     padded[1, : t.size] = 1
     turns = [padded[:, i * turn :][:, : t.size + half] for i in range(timing.n)]
-    first, second = (np.sum(turns, axis=0)[:, k:][:, : t.size] for k in (0, half))
+    positive, negative = (np.sum(turns, axis=0)[:, k:][:, : t.size] for k in (0, half))
     return FoldedRecord(
         t0=float(t[0]),
         dt=dt,
         size=t.size,
         mean=mean,
-        square=float(np.sum((v - mean) ** 2)),
+        power=float(np.sum((v - mean) ** 2)),
         half=half,
         turn=turn,
-        value=first[0] - second[0],
-        sign=first[1] - second[1],
-        both=first[1] + second[1],
-        in_turn=first[1],
-        in_next=np.minimum(second[1], timing.n - 1),
+        value=positive[0] - negative[0],
+        sign=positive[1] - negative[1],
+        both=positive[1] + negative[1],
+        in_turn=positive[1],
+        in_next=np.minimum(negative[1], timing.n - 1),
     )
 
 
 @njit
-def sum_windows(members, record):
-    """Sums of w^2, w (v - mean) and w over a record, shape (members, 3); w is the signature of A = 1."""
-    sums = np.empty((len(members), 3))
-    buffer = np.empty(record.size)
-    for p in range(len(members)):
-        _, t0, tau, omega, _, T2, T1 = members[p]
-        start = (t0 - record.t0) / record.dt
-        first = max(int(np.ceil(start + T1 / record.dt)), 0)
-        last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
-        # u is one window; all others are its copies.
-        u = buffer[: max(last + 1 - first, 0)]
-        fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
-        value, both, sign = record.value[first:], record.both[first:], record.sign[first:]
-        square = product = total = 0.0
-        for k in range(u.size):
-            square += both[k] * u[k] ** 2
-            product += value[k] * u[k]
-            total += sign[k] * u[k]
-        # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
-        for k in range(record.half, u.size):
-            square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
-        for k in range(record.turn - record.half, u.size):
-            square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
-        sums[p] = square, product, total
-    return sums
+def sum_windows(X, record, buffer):
+    """Sums of w^2, w (v - mean) and w over a record, with w the signature of A = 1."""
+    _, t0, tau, omega, _, T2, T1 = X
+    start = (t0 - record.t0) / record.dt
+    first = max(int(np.ceil(start + T1 / record.dt)), 0)
+    last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
+    # u is one window; all others are its copies.
+    u = buffer[: max(last + 1 - first, 0)]
+    fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
+    value, both, sign = record.value[first:], record.both[first:], record.sign[first:]
+    square = product = total = 0.0
+    for k in range(u.size):
+        square += both[k] * u[k] ** 2
+        product += value[k] * u[k]
+        total += sign[k] * u[k]
+    # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
+    for k in range(record.half, u.size):
+        square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
+    for k in range(record.turn - record.half, u.size):
+        square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
+    return square, product, total
 
 
 @njit
@@ -99,7 +95,7 @@ def fill_oscillation(u, since, T1, tau, omega, dt):
     for k in range(min(u.size, 16)):
         u[k] = wave.imag
         wave *= factor
-    # So u_k = a u_(k - 8) + b u_(k - 16): of eight samples none waits for another.
+    # So u_k = a u_(k - 8) + b u_(k - 16): eight samples do not depend on each other, and are computed at once.
     factor *= factor
     factor *= factor
     factor *= factor
@@ -108,40 +104,53 @@ def fill_oscillation(u, since, T1, tau, omega, dt):
         u[k] = a * u[k - 8] + b * u[k - 16]
 
 
-def population_rmse(members: FloatArray, record: FoldedRecord) -> FloatArray:
+@njit
+def population_rmse(members, record):
     """Misfits of members, shape (members, 7) in the order of `Parameters`, in the unit of v."""
-    square, product, total = sum_windows(members, record).T
-    A, level = members[:, 0], members[:, 4] - record.mean
-    # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A w.
-    squares = record.square + record.size * level**2
-    squares += A**2 * square - 2 * A * (product - level * total)
-    return np.sqrt(np.maximum(squares, 0) / record.size)
+    misfits = np.empty(len(members))
+    buffer = np.empty(record.size)
+    for p in range(len(members)):
+        square, product, total = sum_windows(members[p], record, buffer)
+        A, level = members[p, 0], members[p, 4] - record.mean
+        # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A w.
+        squares = record.power + record.size * level**2
+        squares += A**2 * square - 2 * A * (product - level * total)
+        misfits[p] = np.sqrt(max(squares, 0.0) / record.size)
+    return misfits
 
 
-def project(
-    members: FloatArray, record: FoldedRecord, largest_A: float
-) -> tuple[FloatArray, FloatArray]:
-    """Replace A and v_t of members by those of the least misfit; with these misfits, shapes (members, 7), (members,).
+# Columns of t0, tau, omega, T2 and T1 among `Parameters`: what a projection leaves.
+PROJECTED = [1, 2, 3, 5, 6]
 
-    No step of the paper. The model A w + v_t, with w as in `sum_windows`, is linear in both, so least squares
-    gives A = mean((w - mean w) (v - mean v)) / var w and v_t = mean v - A mean w. A is held within plus and minus
-    `largest_A`, v_t is free.
+
+@njit
+def project(shapes, record, largest_A):
+    """Give shapes (t0, tau, omega, T2, T1) the A and v_t of the least misfit.
+
+    From shape (members, 5) to members of shape (members, 7) and their misfits. No step of the paper. The model
+    A w + v_t, with w as in `sum_windows`, is linear in both, so least squares gives v_t = mean v - A mean w and
+    A = sum((w - mean w) (v - mean v)) / sum((w - mean w)^2). A is held within plus and minus `largest_A`, v_t is free.
     """
-    square, product, total = sum_windows(members, record).T
-    variance = square - total**2 / record.size
-    A = np.divide(product, variance, out=np.zeros_like(product), where=variance > 1e-9 * square)
-    A = np.clip(A, -largest_A, largest_A)
-    projected = members.copy()
-    projected[:, 0] = A
-    projected[:, 4] = record.mean - A * total / record.size
-    squares = record.square - 2 * A * product + A**2 * variance
-    return projected, np.sqrt(np.maximum(squares, 0) / record.size)
+    members, misfits = np.zeros((len(shapes), 7)), np.empty(len(shapes))
+    buffer = np.empty(record.size)
+    for p in range(len(shapes)):
+        members[p, 1:4], members[p, 5:] = shapes[p, :3], shapes[p, 3:]
+        square, product, total = sum_windows(members[p], record, buffer)
+        about_mean = square - total**2 / record.size  # sum of (w - mean w)^2
+        A = product / about_mean if about_mean > 1e-9 * square else 0.0
+        A = min(max(A, -largest_A), largest_A)
+        members[p, 0] = A
+        members[p, 4] = record.mean - A * total / record.size
+        squares = record.power - 2 * A * product + A**2 * about_mean
+        misfits[p] = np.sqrt(max(squares, 0.0) / record.size)
+    return members, misfits
 
 
 def cost(t: FloatArray, v: FloatArray, timing: Timing) -> Callable[[FloatArray], FloatArray]:
     """The paper's cost on a record: from members of shape (members, 7) to misfits of shape (members,).
 
-    A record that cannot be folded is fitted by equation 7 as it stands, some thousand times slower.
+    The box of the members must keep the two conditions above, as Table 1's does. A record that cannot be folded is
+    fitted by equation 7 as it stands, some thousand times slower.
     """
     record = fold(t, v, timing)
     if record is None:

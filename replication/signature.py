@@ -1,7 +1,8 @@
 """The backlash signature h(t), its cost and the box of its parameters (equations 1 to 7 and 11, Table 1).
 
-Times in s, speeds in rps, frequencies in rad/s. Equations 1 to 4 introduce the same model with absolute instants; what
-is fitted are equations 5 to 7, with intervals after an instant t0.
+Times in s, speeds in rps, frequencies in rad/s. Equations 5 to 7 are what the authors' program fits, and what stands
+here. Equations 1 to 4 introduce the model with absolute instants; as printed they are not the same: equation 1 has
+another phase, and by equation 4 the turns would be t0 further apart (errata E6, E15).
 """
 
 from typing import NamedTuple
@@ -13,20 +14,21 @@ FloatArray = NDArray[np.float64]
 
 
 class Parameters(NamedTuple):
-    """Free parameters X, in the order in which the authors' CMA-ES samples them: a seed means its run only so.
+    """The seven free parameters X, in the order in which the authors' public notebook samples them.
 
-    Table 1 gives T_d and T_f equal lower and upper bounds, so they are not searched (`Timing`).
+    In another order a seed would give another run. The paper's list has T_d and T_f too, whose bounds in Table 1 are
+    equal, so they are not searched (`Timing`), and leaves out v_t, which Table 1 bounds.
     """
 
     A: float  # amplitude factor [rps]
-    t0: float  # first instant [s]
-    tau: float  # damping factor [1/s]
+    t0: float  # starting point of the first disturbance [s]
+    tau: float  # damping factor [1/s]; Table 1 prints no unit
     omega: float  # angular frequency [rad/s]
     v_t: (
         float  # level of the speed [rps]: commanded in the text, but searched, as Table 1 bounds it
     )
-    T2: float  # end of an oscillation after its instant [s]
-    T1: float  # and its beginning
+    T2: float  # the oscillation's window ends so long after the starting point [s]
+    T1: float  # and begins so long after it [s]
 
 
 class Timing(NamedTuple):
@@ -47,17 +49,17 @@ class Box(NamedTuple):
     upper: FloatArray
 
 
-def d_b(t: FloatArray, X: Parameters, t0: float) -> FloatArray:
-    """Equation 5: one damped oscillation, between T1 and T2 after the instant t0; shape (samples,)."""
-    since = t - t0
+def d_b(t: FloatArray, X: Parameters, start: float) -> FloatArray:
+    """Equation 5: one damped oscillation, between T1 and T2 after its own starting point; shape (samples,)."""
+    since = t - start
     inside = (since >= X.T1) & (since <= X.T2)
     since = np.where(inside, since, X.T1)  # outside, where exp() could overflow, any value serves
     return np.where(inside, X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since), 0.0)
 
 
-def f(t: FloatArray, X: Parameters, t0: float, T_d: float) -> FloatArray:
+def f(t: FloatArray, X: Parameters, start: float, T_d: float) -> FloatArray:
     """Equation 6: the two oscillations of a turn, of opposite sign; shape (samples,)."""
-    return d_b(t, X, t0) - d_b(t, X, t0 + T_d)
+    return d_b(t, X, start) - d_b(t, X, start + T_d)
 
 
 def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT) -> FloatArray:
@@ -104,7 +106,8 @@ def table1_box(
     amplitude_factor : float
         Widens the range of A. Table 1 has 1, the authors' notebook 1.3.
     longest_window : float
-        Upper bound of T2 [s], and twice that of T1: Table 1 prints its T_d, 0.204, and we keep that.
+        Upper bound of T2 [s]; that of T1 is its half. Table 1 prints 0.204, which is more than the records' T_d of
+        0.200: windows may overlap.
     """
     A = amplitude_factor * np.ptp(v) / 2
     bounds = {

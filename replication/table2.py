@@ -16,7 +16,7 @@ from scipy import optimize, stats
 
 from replication import published
 from replication.cmaes import Eigensolver, generations, search
-from replication.misfit import cost, fold, project
+from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import (
     ROOT,
     RPM_PER_RPS,
@@ -137,16 +137,12 @@ def fit(
     return Fit(X, run.misfit / unit, run.generations)
 
 
-# Columns of t0, tau, omega, T2 and T1 among `Parameters`: what the projection leaves.
-PROJECTED = [1, 2, 3, 5, 6]
-
-
 def best_fit(recording: Recording, settings: Settings = NOTEBOOK) -> Fit:
     """Find the least misfit in the box: the same search, but on the five parameters that least squares leaves.
 
-    The model is linear in A and v_t, so `misfit.project` solves for both. Three searches with a population of 600 find
-    the basin. Which samples a window holds is discrete, so its edges are then moved by whole samples, and the three
-    best windows are refined by the simplex method. Of what fits equally well, T1 lies midway between two samples: a
+    The model is linear in A and v_t, so `misfit.project` solves for both. The better of two searches with a population
+    of 600 finds the basin. Which samples a window holds is discrete, so its edges are then moved by whole samples, and
+    the best window is refined by the simplex method. Of what fits equally well, T1 lies midway between two samples: a
     window may open up to one sample earlier with the same samples, and a larger A.
 
     Raises
@@ -160,32 +156,24 @@ def best_fit(recording: Recording, settings: Settings = NOTEBOOK) -> Fit:
         raise ValueError(f"{recording.source}: constant, or half a turn is no number of samples")
     lower, upper = box.lower[PROJECTED], box.upper[PROJECTED]
 
-    def projected(shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        members = np.zeros((len(shapes), 7))
-        members[:, PROJECTED] = shapes
-        return project(members, record, box.upper[0])
-
     def misfits(shapes: FloatArray) -> FloatArray:
-        return projected(shapes)[1]
+        return project(shapes, record, box.upper[0])[1]
 
     searches = [
         search(generations(misfits, Box(lower, upper), seed, 600), settings.iterations)
-        for seed in (1, 2, 3)
+        for seed in (1, 2)
     ]
     best = min(searches, key=lambda each: each.misfit)
     moves = [(0, 0, 0, T2, T1 / 2) for T2 in range(-12, 13) for T1 in range(-12, 13)]
     windows = np.clip(best.best + record.dt * np.array(moves), lower, upper)
-    ends = [
-        optimize.minimize(
-            lambda shape: misfits(shape[None])[0],
-            windows[k],
-            method="Nelder-Mead",
-            bounds=list(zip(lower, upper, strict=True)),
-            options={"maxiter": 600, "xatol": 1e-9, "fatol": 1e-12},
-        )
-        for k in np.argsort(misfits(windows), kind="stable")[:3]
-    ]
-    members, (misfit,) = projected(min(ends, key=lambda end: end.fun).x[None])
+    end = optimize.minimize(
+        lambda shape: misfits(shape[None])[0],
+        windows[misfits(windows).argmin()],
+        method="Nelder-Mead",
+        bounds=list(zip(lower, upper, strict=True)),
+        options={"maxiter": 600, "xatol": 1e-9, "fatol": 1e-12},
+    )
+    members, (misfit,) = project(end.x[None], record, box.upper[0])
     X = Parameters(*members[0].tolist())
     opening = np.ceil((X.t0 + X.T1 - record.t0) / record.dt) - 0.5
     T1 = float(np.clip(record.t0 + opening * record.dt - X.t0, 0, box.upper[6]))

@@ -17,10 +17,10 @@ from scipy import optimize
 
 from replication import published, table2
 from replication.cmaes import generations, search
-from replication.misfit import cost, fold, project
+from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import ROOT, Recording, add_noise, simulate_clean, write_csv
 from replication.signature import Box, FloatArray, rmse
-from replication.table2 import BASIN_GAP, LEADER, NOTEBOOK, PROJECTED
+from replication.table2 import BASIN_GAP, LEADER, NOTEBOOK
 
 REPEATS = 5  # that a median is taken over
 AUTHORS_LOOP = (
@@ -121,9 +121,7 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
     assert folded is not None
 
     def projected(shapes: FloatArray) -> FloatArray:
-        members = np.zeros((len(shapes), 7))
-        members[:, PROJECTED] = shapes
-        return project(members, folded, box.upper[0])[1]
+        return project(shapes, folded, box.upper[0])[1]
 
     def differential_evolution(seed: int) -> float:
         found = optimize.differential_evolution(

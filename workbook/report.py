@@ -118,14 +118,6 @@ def count_by(cells: pd.DataFrame, key: str) -> pd.DataFrame:
     return counts.reindex(index=named, columns=judging.AGREEMENTS, fill_value=0)
 
 
-def count_seconds(cells: pd.DataFrame) -> pd.Series:
-    """Seconds of the notebooks that made an element's numbers, on the machine of `notebook_times.csv`."""
-    seconds = pd.read_csv(ROOT / "results" / "notebook_times.csv").set_index("notebook")["seconds"]
-    made = cells.loc[cells["notebook"] != "", ["element", "notebook"]].drop_duplicates()
-    timed = made.assign(seconds=made["notebook"].map(seconds)).dropna()
-    return timed.groupby("element")["seconds"].sum()
-
-
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
     """How the ten means or SDs of Table 2 agree one by one, and how far their intervals reach."""
     rows = cells[cells["id"].str.fullmatch(rf"table2\.row(0\d|10)\.{column}")]
@@ -167,7 +159,6 @@ def describe(results: Path) -> dict[str, Any]:
         "cell": cells.set_index("id").to_dict("index"),
         "by_element": by_element,
         "by_source": count_by(cells, "source"),
-        "seconds": count_seconds(cells),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
         "evidence": evidence.table2_evidence(

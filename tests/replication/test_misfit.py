@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from replication.misfit import cost, fold, population_rmse, project
+from replication.misfit import PROJECTED, cost, fold, population_rmse, project
 from replication.signature import MOVEMENT, Parameters, Timing, h, rmse, table1_box
 
 TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
@@ -57,7 +57,7 @@ def test_the_projection_gives_the_least_misfit_over_A_and_v_t():
     v = make_record(t)
     members = draw_members(t, v, 20)
     record = fold(t, v, MOVEMENT)
-    projected, misfits = project(members, record, largest_A=5.0)
+    projected, misfits = project(members[:, PROJECTED], record, largest_A=5.0)
     np.testing.assert_allclose(population_rmse(projected, record), misfits, rtol=1e-9)
     for X, projection in zip(members, projected, strict=True):
         u = h(t, Parameters(*X)._replace(A=1.0))
@@ -70,5 +70,5 @@ def test_the_projection_gives_the_least_misfit_over_A_and_v_t():
 def test_the_projected_A_stays_within_its_bound():
     t = 0.002 * np.arange(2401)
     record = fold(t, make_record(t), MOVEMENT)
-    (projected,), _ = project(np.array([TRUE]), record, largest_A=0.1)
+    (projected,), _ = project(np.array([TRUE])[:, PROJECTED], record, largest_A=0.1)
     assert projected[0] == -0.1
