@@ -276,7 +276,7 @@ inverse_mrad = rounding_mrad = limit_rps = np.nan  # your answers go into cells 
 inverse, _ = fit_polynomial(1e3 * delta, 60 * theoretical)
 inverse_mrad = brentq(lambda mrad: polynomial(mrad, inverse) - 36, 0.3, 2.1)
 print(
-    f"{inverse_mrad:.4f} mrad, by equation 10 {1e3 * polynomial(36.0, printed):.4f}: the inverse errs in A"
+    f"{inverse_mrad:.4f} mrad, by equation 10 {1e3 * polynomial(36.0, printed):.4f}: in the inverse A has the errors"
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]

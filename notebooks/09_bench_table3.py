@@ -259,9 +259,8 @@ sd_rps = np.sqrt(2 / 12) * q / (2 * np.pi * 0.002)  # two errors of the variance
 print(f"{sd_rps:.5f} rps; the noise has {stand_in.noise_rps:.3f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-angles = np.cumsum(np.random.default_rng(1).uniform(0, 1, 100_001))  # in steps q
-drawn_rps = np.std(np.diff(np.floor(1e6 * angles) - 1e6 * angles)) / 2**19 / 0.002
-print("right" if np.isclose(sd_rps, drawn_rps, rtol=0.02) else "not yet")
+two_errors = np.sqrt(1 / 12 + 1 / 12)  # in steps of the encoder
+print("right" if np.isclose(sd_rps, two_errors / 2**19 / 0.002, rtol=0.02) else "not yet")
 
 # %% [markdown]
 # **3.** The stand-in's static measure has an SD of 0.01 mm at an arm of 0.3 m. Which error of the

@@ -17,11 +17,11 @@
 #
 # A stand-in axis is a bench of notebook 9 with less gravity (axis 4 carries the wrist and a tool
 # only), and with three sinusoidal torques on its load, of any frequency from 2.5 to 40 Hz: what
-# reaches it from the other joints. A healthy axis has up to 10⁻⁴ rad of backlash, a bad one 2·10⁻⁴
-# to 5·10⁻⁴ rad. All of these are assumptions (`bench.draw_robot`).
+# reaches it from the other joints. A healthy axis has up to 0.1 mrad of backlash, a bad one 0.2 to
+# 0.5 mrad. All of these are assumptions (`bench.draw_robot`).
 #
-# Two robots say little about a threshold on $A$, so we draw many of each kind. These robots are fitted by the best fit (notebook 8), one fit a robot. The real logs' loader
-# would go where the bench's goes (notebook 9).
+# Two robots say little about a threshold on $A$, so we draw many of each kind, and fit each by the
+# best fit (notebook 8).
 
 # %%
 import numpy as np
