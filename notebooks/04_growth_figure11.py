@@ -2,8 +2,8 @@
 # # 4 · The data sets, and how the disturbance grows (figures 5 and 11)
 #
 # *You will see the records, their noise, how the disturbance of the motor speed grows with the
-# backlash, and why a little slower than in proportion. Before this: notebook
-# [1](01_the_joint.ipynb).*
+# backlash, and why a little slower than in proportion. Reading time: 10 min. Run time: 10 s. Before
+# this: notebook [1](01_the_joint.ipynb).*
 #
 # ## Claim
 #
@@ -93,25 +93,21 @@ def simulate_finely(joint, delta):
     return simulate(joint, delta, 4 * joint.turn_period, sample=5e-5, step=5e-5)
 
 
-def settled_peaks(joint, runs):
-    settled = runs[0].t >= joint.turn_period
-    sampled = [each.v[settled][::40].max() for each in runs]
-    peaks = [settled_peak(each, joint) for each in runs]
-    v_t = joint.Omega / (2 * np.pi)
-    return pd.DataFrame(
-        {"delta_rad": every, "amplitude_rps": peaks, "sampled_rps": np.array(sampled) - v_t}
-    )
+def peak(joint, delta):
+    return settled_peak(simulate_finely(joint, delta), joint)
 
 
 # %%
 with workbook.explain("changes", changes):
     joint = change(identified._replace(Omega=2 * np.pi * commanded_speed_rps), changes)
     runs = [simulate_finely(joint, delta) for delta in every]
-    peaks = settled_peaks(joint, runs)
     if not any(each.impacts.size for each in runs):
         raise ValueError("the teeth never meet: there is no ring")
 v_t, T_f = joint.Omega / (2 * np.pi), joint.turn_period
 t = runs[0].t
+peaks = pd.DataFrame({"delta_rad": every})
+peaks["amplitude_rps"] = [settled_peak(run, joint) for run in runs]
+peaks["sampled_rps"] = [run.v[t >= T_f][::40].max() - v_t for run in runs]
 third = (t >= 2 * T_f - 1e-9) & (t < 3 * T_f - 1e-9)
 signals = pd.concat(
     pd.DataFrame({"delta_rad": delta, "time_s": t[third] - 2 * T_f}).assign(
@@ -124,8 +120,7 @@ same_motion = np.allclose([v_t, T_f], [100, 0.4])
 workbook.show_figure(
     "figure11_growth",
     figures.growth(signals, peaks, table2.theoretical_amplitudes() if same_motion else {}),
-    f"(a) One settled turn at each of {len(ten)} backlashes: the larger the backlash, the later the ring starts "
-    f"and the larger it is. (b) The settled peaks at {len(every)} backlashes, before sampling (our reading of A) and "
+    f"(a) One settled turn at each of {len(ten)} backlashes. (b) The settled peaks at {len(every)} backlashes, before sampling (our reading of A) and "
     f"of 2 ms samples; the paper's end at {1e3 * max(ten):g} mrad, the authors' files at {1e3 * max(every):g} mrad.",
 )
 
@@ -249,8 +244,8 @@ step = peaks["amplitude_rps"].diff()
 p = np.polyfit(np.log(every), np.log(peaks["amplitude_rps"].clip(lower=1e-9)), 1)[0]
 beside = ""
 if joint != identified:
-    plain = settled_peaks(identified, [simulate_finely(identified, delta) for delta in every])
-    against = 100 * (peaks["amplitude_rps"] / plain["amplitude_rps"] - 1)
+    plain = [peak(identified, delta) for delta in every]
+    against = 100 * (peaks["amplitude_rps"] / plain - 1)
     beside = f"Against the identified joint the amplitudes change by {against.min():+.1f} to {against.max():+.1f} %. "
 workbook.verdict(
     f"At {v_t:g} rps (a load turn of {T_f:g} s) the amplitude {'grows' if step.min() > 0 else 'does not grow'} from "
@@ -278,12 +273,7 @@ workbook.export(cells=cells, claims=claims)
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*. All are
 # of the identified joint.
 
-
 # %%
-def peak(delta, joint=identified):
-    return settled_peak(simulate_finely(joint, delta), joint)
-
-
 twice_mrad = times_as_high = tenth_rps = np.nan  # your answers go into cells further down
 
 # %% [markdown]
@@ -292,13 +282,14 @@ twice_mrad = times_as_high = tenth_rps = np.nan  # your answers go into cells fu
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 fine = np.linspace(3e-4, 9e-4, 41)
-height = [peak(delta) for delta in fine]
+height = [peak(identified, delta) for delta in fine]
 twice_mrad = 1e3 * np.interp(2 * height[0], height, fine)
 one_power = np.polyfit(np.log(fine), np.log(height), 1)[0]
 print(f"by one exponent {0.3 * 2 ** (1 / one_power):.3f}, by simulation {twice_mrad:.3f} mrad")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-right = 0 < twice_mrad < 4 and np.isclose(peak(1e-3 * twice_mrad), 2 * peak(3e-4), rtol=0.005)
+smaller = peak(identified, 3e-4)
+right = twice_mrad > 0 and np.isclose(peak(identified, 1e-3 * twice_mrad), 2 * smaller, rtol=0.005)
 print("right" if right else "not yet")
 
 # %% [markdown]
@@ -307,12 +298,12 @@ print("right" if right else "not yet")
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 slow = identified._replace(Omega=identified.Omega / 2)
-times_as_high = peak(1e-3) / peak(1e-3, slow)
+times_as_high = peak(identified, 1e-3) / peak(slow, 1e-3)
 print(f"{times_as_high:.2f} times, by the formula {2 ** (1 / 3):.2f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-at_50_rps = peak(1e-3, change(identified, {"Omega": 0.5}))
-print("right" if np.isclose(times_as_high, peak(1e-3) / at_50_rps, rtol=0.01) else "not yet")
+half = peak(change(identified, {"Omega": 0.5}), 1e-3)
+print("right" if np.isclose(times_as_high * half, peak(identified, 1e-3), rtol=0.01) else "not yet")
 
 # %% [markdown]
 # **3.** The faster the joint turns, the more is left of a ring when the next impact comes. The ring

@@ -2,7 +2,8 @@
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
 # *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and what the
-# printed digits can tell. Run time: 5 s. Before this: notebook [4](04_growth_figure11.ipynb).*
+# printed digits can tell. Reading time: 9 min. Run time: 5 s. Before this: notebook
+# [4](04_growth_figure11.ipynb).*
 #
 # ## Claim
 #
@@ -151,7 +152,7 @@ points.map("{:.4g}".format)
 #
 # Was the cubic fitted to the printed, rounded $A$, or to more digits of them? Each $A$ is moved at random within its
 # last printed digit, and the cubic fitted again. The table has the largest change of each coefficient, in its unit of
-# $10^{-6}$: only the printed digits give the printed coefficients.
+# $10^{-6}$: where it exceeds the last printed digit, only the printed $A$ can have given the coefficient.
 
 # %%
 moves = 0.5e-4 * np.random.default_rng(1).uniform(-1, 1, size=(2000, theoretical.size))

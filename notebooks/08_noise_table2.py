@@ -2,7 +2,7 @@
 # # 8 · Noise (Table 2)
 #
 # *You will see why thirty runs on one record end at different amplitudes, and judge a printed mean by an interval in
-# which it should lie. Run time: 3 min. Before this: notebooks [5](05_signature_figure6.ipynb) and
+# which it should lie. Reading time: 9 min. Run time: 3 min. Before this: notebooks [5](05_signature_figure6.ipynb) and
 # [7](07_search_table1.ipynb).*
 #
 # ## Claim
@@ -204,8 +204,7 @@ regions.round(4)
 # %%
 again = table2.realise(table2.LEADER, shown_row, 1)
 same = kept.query("protocol == @table2.LEADER.name and row == @shown_row and realisation == 1")
-both = pd.concat([pd.DataFrame([again]), same])
-both.set_axis(["made again", "kept"]).map(lambda x: f"{x:.6g}" if isinstance(x, float) else x)
+pd.concat([pd.DataFrame([again]), same]).set_axis(["made again", "kept"]).round(6)
 
 # %% [markdown]
 # ## Verdict

@@ -2,8 +2,9 @@
 # # 9 · The test bench (Table 3), as a stand-in
 #
 # *You will see what stands between the simulated joint and a log of a real one, how the known $A$
-# of Table 3 were computed, and how far benches of one kind scatter. Run time: 25 s. Before this:
-# notebooks [6](06_characteristic_figure12.ipynb) and [8](08_noise_table2.ipynb).*
+# of Table 3 were computed, and how far benches of one kind scatter. Reading time: 9 min. Run time:
+# 25 s. Before this: notebooks [6](06_characteristic_figure12.ipynb) and
+# [8](08_noise_table2.ipynb).*
 #
 # **The bench's logs were never published. Everything below but the arithmetic of the printed
 # numbers comes from a simulated bench, a [stand-in](glossary.md#stand-in), and none of it tests the

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 10 · Two robots in a plant (Table 4), as stand-ins
 #
-# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Run
-# time: 40 s. Before this: notebook [9](09_bench_table3.ipynb).*
+# *You will see how a threshold on $A$ is chosen, and which disturbance looks like backlash. Reading
+# time: 8 min. Run time: 40 s. Before this: notebook [9](09_bench_table3.ipynb).*
 #
 # **The robots' logs were never published. Everything below comes from simulated robots,
 # [stand-ins](glossary.md#stand-in), and none of it tests the printed numbers.**

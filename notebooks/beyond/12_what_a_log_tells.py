@@ -2,8 +2,8 @@
 # # 12 · What a log tells
 #
 # *You will see how a second unknown makes the backlash less certain, how accurate any estimator can
-# be, and fit a whole simulated joint to one log. Run time: 30 s. Before this: notebooks
-# [3](../03_simulator_figure10.ipynb) and [8](../08_noise_table2.ipynb).*
+# be, and fit a whole simulated joint to one log. Reading time: 10 min. Run time: 30 s. Before this:
+# notebooks [3](../03_simulator_figure10.ipynb) and [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
@@ -100,7 +100,7 @@ sds = [1 / np.linalg.norm(J[:, 0]), sd[0]]  # without and with the second unknow
 pd.Series(sds, index=["stiffness known", "stiffness unknown"], name="SD [mrad]").to_frame()
 
 # %% [markdown]
-# The ellipse is oblique: both unknowns change the speed alike. These SDs need
+# An oblique ellipse says that both unknowns change the speed alike. These SDs need
 # the slopes at one point only, and no grid, so that it works for many unknowns:
 #
 # $$\Sigma = (J^\top J)^{-1}, \qquad J_{ij} = \frac{1}{\sigma} \frac{\partial v_i}{\partial z_j},$$
@@ -245,9 +245,9 @@ summary["bound"] = np.sqrt(2 / np.pi) * size["sd"].mean()  # mean size of a norm
 summary.round(4)
 
 # %% [markdown]
-# The fits lie near their bounds; the amplitude is one number of the waveform, and most of what the
-# waveform says of the backlash is elsewhere. Knowing the joint is worth more than a better estimator:
-# compare the two bounds.
+# The amplitude is one number of the waveform; how much of what the waveform says of the backlash is
+# elsewhere, the bounds tell. Compare each error with its bound, and the two bounds: which is worth
+# more, a better estimator or knowing the joint?
 #
 # ## Verdict
 #

@@ -1,8 +1,9 @@
 # %% [markdown]
 # # 14 · Claims without a figure or table
 #
-# *You will see how a sentence becomes a claim that a measurement can refute. Run time: 60 s. Before
-# this: notebooks [4](../04_growth_figure11.ipynb) and [8](../08_noise_table2.ipynb).*
+# *You will see how a sentence becomes a claim that a measurement can refute. Reading time: 14 min.
+# Run time: 60 s. Before this: notebooks [4](../04_growth_figure11.ipynb) and
+# [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
@@ -246,8 +247,8 @@ pd.Series(amplitudes, name="|A| [rps]").describe().drop("count").to_frame()
 # ### The noise: more turns
 #
 # More than one turn in the model avoids errors due to noise: the RMS error of $A$ due to noise.
-# White noise averaged over twelve turns would leave $1/\sqrt{12} = 0.29$ of the error. At the
-# largest backlash little is gained: there another [gate](../glossary.md#gate), not the noise
+# White noise averaged over twelve turns would leave $1/\sqrt{12} = 0.29$ of the error. Where
+# little is gained, another [gate](../glossary.md#gate), not the noise
 # itself, changes $A$. The squared ratio of two RMS errors $e_1$, $e_2$, each from $n$ repeats, over
 # its true value has the distribution $F_{n,n}$; so the true ratio lies with 95 % between
 #

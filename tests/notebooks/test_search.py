@@ -13,7 +13,7 @@ def test_a_search_that_fails_is_said_to_fail_before_its_amplitude_is(run_noteboo
     assert "; the limit of 10 generations stopped 1 of the others" in text
 
 
-def test_four_members_are_stopped_by_the_limit_and_no_other_minimum_is_named(run_notebook):
+def test_with_four_members_no_minimum_is_found_and_the_amplitude_says_nothing(run_notebook):
     _, text, _ = run_notebook("07", population=4, seeds=[1, 2])
     assert text.startswith("In this run no run of CMA-ES finds the global minimum")
     assert "so its |A| says nothing" in text
