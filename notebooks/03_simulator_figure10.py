@@ -61,6 +61,8 @@ workbook.check_parameters(
     alphas=(alphas, [workbook.Interval(1e3, 1e12)]),
     start_factor=(start_factor, workbook.Interval(0.75, 1.6)),
 )
+for name in {"N", "Omega"} & set(changes):  # they make the turn's length
+    workbook.check_parameters(**{f"changes[{name!r}]": (changes[name], workbook.Interval(0.25, 4))})
 
 # %% [markdown]
 # ## Result
@@ -230,7 +232,7 @@ if compared:
     )
 returned = "comes back to" if off.max() < 0.5 else "does not come back to"
 workbook.verdict(
-    f"{beside} Without a simulator, the peaks in the authors' records lie within "
+    f"{beside} Without a simulator, the peaks in the records lie within "
     f"{traced['error_percent'].abs().max():.1f} % of the printed $A$ at {len(traced)} levels; the smallest level has "
     f"no public record. Started with three ratios at {start_factor:g} times the committed values, the fit "
     f"{returned} the committed set: the farthest ratio, {off.idxmax()}, is off by {100 * off.max():.2g} % of its "

@@ -75,6 +75,8 @@ workbook.check_parameters(
     commanded_speed_rps=(commanded_speed_rps, workbook.Interval(10, 300)),
     changes=(changes, dict.fromkeys(names, workbook.Interval(0, 100))),
 )
+for name in {"N", "Omega"} & set(changes):  # they make the turn's length
+    workbook.check_parameters(**{f"changes[{name!r}]": (changes[name], workbook.Interval(0.25, 4))})
 
 # %% [markdown]
 # ## Result
@@ -120,8 +122,9 @@ same_motion = np.allclose([v_t, T_f], [100, 0.4])
 workbook.show_figure(
     "figure11_growth",
     figures.growth(signals, peaks, table2.theoretical_amplitudes() if same_motion else {}),
-    f"(a) One settled turn at each of {len(ten)} backlashes. (b) The settled peaks at {len(every)} backlashes, before sampling (our reading of A) and "
-    f"of 2 ms samples; the paper's end at {1e3 * max(ten):g} mrad, the authors' files at {1e3 * max(every):g} mrad.",
+    f"(a) One settled turn at each of {len(ten)} backlashes. (b) The settled peaks at {len(every)} backlashes, before "
+    f"sampling (our reading of A) and of 2 ms samples; the paper's end at {1e3 * max(ten):g} mrad, the authors' files "
+    f"at {1e3 * max(every):g} mrad.",
 )
 
 # %% [markdown]
@@ -251,7 +254,7 @@ workbook.verdict(
     f"At {v_t:g} rps (a load turn of {T_f:g} s) the amplitude {'grows' if step.min() > 0 else 'does not grow'} from "
     f"every level to the next, by {step.min():.3f} to {step.max():.3f} rps, about as the backlash to the power {p:.2f} "
     f"(the impact's speed: 0.67). Samples of 2 ms miss up to {peaks['missed_percent'].max():.1f} % of it. {beside}In "
-    f"the authors' record 12 the impacts {'alternate' if alternate else 'do not alternate'} in sign, and the second "
+    f"record 12 the impacts {'alternate' if alternate else 'do not alternate'} in sign, and the second "
     f"half of a turn is the first one inverted within {100 * mismatch:.1f} % of the SD. In figure 5 the largest "
     f"settled sample is {(v_n[speed.t >= T_f] - v_t).max():.3f} rps.",
     cells,
