@@ -255,8 +255,8 @@ workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at {fitted[1] / (2 * np.pi):.1f} Hz and "
     f"decays at {fitted[0]:.0f} 1/s; all terms together give {whole.iloc[0]:.1f} Hz and {whole.iloc[1]:.0f} 1/s, two "
     f"springs alone {springs.iloc[0]:.1f} Hz and no decay. SciPy's solution and `simulate` are at most "
-    f"{max(apart_rps, 1e-5):.5f} rps apart in the second turn. From there on the first two impacts lie {np.diff(impacts)[0]:.4f} "
-    f"s apart; half a turn is {joint.turn_period / 2:g} s."
+    f"{max(apart_rps, 1e-5):.5f} rps apart in the second turn. From there on the first two impacts lie "
+    f"{np.diff(impacts)[0]:.4f} s apart; half a turn is {joint.turn_period / 2:g} s."
 )
 
 # %% [markdown]

@@ -33,6 +33,8 @@ def test_a_small_population_misses_the_lowest_misfit_more_often_and_the_verdict_
         ("01", {"changes": {"G/J_l": 0.0}}),
         ("03", {"changes": {"G/J_l": 0.0}}),
         ("03", {"changes": {"K_p": 50.0}}),
+        ("03", {"changes": {"Omega": 0.0}}),
+        ("04", {"changes": {"N": 0.0}}),
         ("04", {"changes": {"J_m": 0.0}}),
         ("04", {"changes": {"G": 0.0}}),
         ("05", {"cost": lambda residual: 0.0}),
