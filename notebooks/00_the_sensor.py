@@ -288,7 +288,7 @@ reached = sum(each.rmse <= best.rmse * (1 + BASIN_GAP) for each in fits)
 error = f"{100 * (estimate_mrad / backlash_mrad - 1):+.1f} %" if backlash_mrad else "not defined"
 workbook.verdict(
     f"From the motor speed alone the best fit and equation 10 give {estimate_mrad:.3f} mrad for a true backlash of "
-    f"{backlash_mrad:g} mrad (relative error: {error}). {reached} of the {runs} single searches reach the lowest "
+    f"{backlash_mrad:g} mrad (relative error: {error}). {reached} of the {runs} single searches reached the lowest "
     f"misfit, {best.rmse:.4f} rps, within {100 * BASIN_GAP:g} %. The theoretical $A$ is {A_true:.3f} rps; the best "
     f"fit's is {off_percent(A):+.1f} % off, the mean of all runs {off_percent(amplitudes.mean()):+.1f} %."
 )
@@ -346,7 +346,7 @@ print("right" if any_log else "not yet")
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 missed_percent, noisy_percent = (-off_percent(each[t >= T_f].max() - v_t) for each in (clean, v))
-print(f"it misses {missed_percent:.1f} % of A, with noise {noisy_percent:.1f} %")
+print(f"it misses {missed_percent:.1f} % of A; with noise it is {-noisy_percent:+.1f} % off")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 missed = -off_percent(clean[t >= T_f].max() - v_t)

@@ -282,8 +282,8 @@ fall_s = quick_decay = weak_decay = np.nan  # your answers go into cells further
 # fall through $2\delta$? Compare it with the simulated time in the gap, and say why that is shorter.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-# The load's acceleration is about G Omega t / (N J_l); twice integrated, 2 delta = G Omega t**3 / (6 N J_l).
 fall_s = (12 * delta * joint.J_l * joint.N / (joint.G * joint.Omega)) ** (1 / 3)
+# The load's acceleration is about G Omega t / (N J_l); twice integrated, 2 delta = G Omega t**3 / (6 N J_l).
 touching = t[(t < impacts[1]) & (run.gap != 0)]
 # In the simulation the coupling unwinds at the rate G Omega / (N K_s) when the teeth part.
 print(f"{1e3 * fall_s:.1f} ms against {1e3 * (impacts[1] - touching[-1]):.1f} ms")

@@ -219,7 +219,7 @@ claims = {
 }
 failed = judged[judged["best_basin_runs"] == 0]
 of_failed = (
-    f"On {len(failed)} of {len(table)} records no run finds it, so their means of $A$ say nothing of the signature. "
+    f"On {len(failed)} of {len(table)} records no run finds it: a mean of $A$ there says nothing of the signature. "
     if len(failed)
     else ""
 )

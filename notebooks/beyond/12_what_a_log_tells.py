@@ -222,8 +222,8 @@ print(f"chi squared {chi2_fit:.0f} for {freedom} degrees of freedom: p = {chance
 # ### The authors' noisy logs
 #
 # Errors of three estimators: the paper's equation 10 on $A$ of the best fit; the joint fitted with
-# all eight unknowns; and with the start and the backlash alone, the paper's joint known. Lines: the
-# Cramér-Rao bound, as the mean size of an error. The paper's joint was identified from clean records
+# all eight unknowns; and with the start and the backlash alone, the paper's joint known. `bound` is
+# the Cramér-Rao bound, as the mean size of an error. The paper's joint was identified from clean records
 # of the same simulator, with which notebook 3 compares all eleven: the third estimator knows its
 # joint. *Predict:* which errs least?
 

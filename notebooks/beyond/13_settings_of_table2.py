@@ -59,8 +59,7 @@ workbook.check_parameters(
 # ### The stored runs, replayed
 #
 # Their notebook prints about 17 generations of each of the runs 1 to 20, to 16 digits, and the end of all 30.
-# *Predict:*
-# how many generations do a seed and the right program give again?
+# *Predict:* how many generations do a seed and the right program give again?
 
 # %%
 ours = replay.replay_stored_runs(load_clean(12))

@@ -118,8 +118,8 @@ reasons = "; ".join(
 )
 joints = chosen["joint"].nunique()
 workbook.verdict(
-    f"Of {len(chosen)} logs of {joints} joints {refused} are refused ({reasons}), {counts.get('backlash', 0)} are "
-    f"called a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for the sensor or against "
+    f"Of {len(chosen)} logs of {joints} joints the sensor refuses {refused} ({reasons}), calls "
+    f"{counts.get('backlash', 0)} a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for the sensor or against "
     "it: a positive test needs a joint of known play, loaded by gravity, that turns round twelve times at constant "
     "speed, with speed and torque logged at 500 Hz."
 )
