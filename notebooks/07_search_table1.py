@@ -296,8 +296,8 @@ if lowest["over the global minimum"] < 0.99:
     )
 elif found.any():
     outcome = (
-        f"{found.sum()} of {len(runs)} runs of {named} ended within 1 % of the global minimum, {best.rmse:.4f} rps, the "
-        f"best with |A| = {abs(lowest['A']):.3f} rps"
+        f"{found.sum()} of {len(runs)} runs of {named} ended within 1 % of the global minimum, {best.rmse:.4f} rps, "
+        f"the best with |A| = {abs(lowest['A']):.3f} rps"
     )
 else:
     outcome = (
