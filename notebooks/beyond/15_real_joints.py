@@ -119,9 +119,9 @@ reasons = "; ".join(
 joints = chosen["joint"].nunique()
 workbook.verdict(
     f"Of {len(chosen)} logs of {joints} joints the sensor refuses {refused} ({reasons}), calls "
-    f"{counts.get('backlash', 0)} a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for the "
-    "sensor or against it: a positive test needs a joint of known play, loaded by gravity, that turns round twelve times "
-    "at constant speed, with speed and torque logged at 500 Hz."
+    f"{counts.get('backlash', 0)} a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for "
+    "the sensor or against it: a positive test needs a joint of known play, loaded by gravity, that turns round "
+    "twelve times at constant speed, with speed and torque logged at 500 Hz."
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
