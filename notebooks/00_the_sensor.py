@@ -215,7 +215,7 @@ plot_turns(signature.h(t, example, timing))
 # parameters with the smallest root mean square (RMSE) of $r - h$ within the bounds of Table 1
 # ([notebook 7](07_search_table1.ipynb)). It is random, and a run may end in a wrong local minimum.
 # As a reference, `best_fit` solves for $A$ and $v_t$ by least squares and searches the other five
-# parameters, three times.
+# parameters, several times.
 
 # %%
 settings = Settings(population=population, amplitude_factor=1.0, timing=timing)

@@ -19,7 +19,7 @@
 #
 # **Basins.** Runs that end at nearly the same RMSE are in one [basin](glossary.md#basin). The lowest RMSE of the runs
 # may itself be a local minimum. So `table2.best_fit` looks for the global one: it solves for $A$ and $v_t$ by least
-# squares and searches the other five parameters, three times. What no run undercuts we call the global minimum.
+# squares and searches the other five parameters several times. What no run undercuts we call the global minimum.
 
 # %%
 from dataclasses import replace
