@@ -57,7 +57,8 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 # $$t_1 = t_0 + T_1, \quad t_2 = t_0 + T_2, \quad t_d = t_0 + T_d, \quad t_f = t_0 + T_f \tag{4}$$
 #
 # The last two contradict equation 7. The authors' runs have the shifts $T_d$ and $T_f$ without
-# $t_0$ (erratum E6, exercise 1). With those,
+# $t_0$ (erratum E6, exercise 1), and a phase that counts from the starting point, not from $t = 0$
+# as in equation 1 (E15). With those,
 #
 # $$d_b(t - t_0) = \begin{cases} A\,e^{-(t - (t_0 + T_1))\tau} \sin\omega(t - t_0) & t_0 + T_1 \le t \le t_0 + T_2 \\
 # 0 & \text{else} \end{cases} \tag{5}$$
