@@ -125,8 +125,8 @@ table.sort_values("misfit").head().round(4)
 
 # %% [markdown]
 # With $\mathbf x_{i:\lambda}$ the member of rank $i$ (the paper prints unranked ones of the last generation, erratum
-# E12) the next distribution follows. The mean moves to the weighted mean
-# of the $\mu$ best, and two paths sum its steps:
+# E12) the next distribution follows. The mean moves to the weighted mean of the $\mu$ best, and two paths sum its
+# steps:
 #
 # $$\mathbf m^{(g+1)} = \sum_{i=1}^{\mu} w_i\,\mathbf x_{i:\lambda}^{(g+1)}, \quad w_1 \ge \ldots \ge w_\mu > 0, \quad
 # \sum_{i=1}^{\mu} w_i = 1 \tag{13}$$
