@@ -310,7 +310,7 @@ workbook.verdict(
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-own_percent = forgotten_mrad = missed_percent = np.nan  # your answers go into cells further down
+own_percent = forgotten_mrad = missed_percent = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Why is $A$ too small even without noise? Fit the noise-free speed by `best_fit`: by how much

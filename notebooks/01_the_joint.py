@@ -274,7 +274,7 @@ workbook.verdict(
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-fall_s = quick_decay = weak_decay = np.nan  # your answers go into cells further down
+fall_s = quick_decay = weak_decay = np.nan  # your answers
 
 # %% [markdown]
 # **1.** In the gap no torque holds the load. Suppose that the teeth part at the top without a

@@ -174,7 +174,7 @@ workbook.export(claims=claims, facts={"alpha": (ALPHA, ",.0f")})
 # Each asks for numbers by a `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-alpha_1_percent = barrier_j = torque_nm = np.nan  # your answers go into cells further down
+alpha_1_percent = barrier_j = torque_nm = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Which $\alpha$ (`alpha_1_percent` [1/rad]) leaves 1 % of $K_s$ in the middle of a gap of

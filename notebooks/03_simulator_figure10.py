@@ -274,7 +274,7 @@ def peak(joint):  # settled, at 1.5 mrad
     return settled_peak(simulate_finely(joint, 1.5e-3), joint)
 
 
-peak_ratio = moved_ms = times_as_high = np.nan  # your answers go into cells further down
+peak_ratio = moved_ms = times_as_high = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Double the motor's inertia in two ways: `{"J_l/(N^2 J_m)": 0.5}` and `{"J_m": 2.0}`. How

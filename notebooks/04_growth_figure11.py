@@ -277,7 +277,7 @@ workbook.export(cells=cells, claims=claims)
 # of the identified joint.
 
 # %%
-twice_mrad = times_as_high = tenth_rps = np.nan  # your answers go into cells further down
+twice_mrad = times_as_high = tenth_rps = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Which backlash (`twice_mrad`) gives twice the settled peak of 0.3 mrad? Predict it from the

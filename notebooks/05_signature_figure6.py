@@ -300,7 +300,7 @@ workbook.export(cells=cells)
 
 # %%
 X8 = Parameters(*stored_X[7][:7])
-literal_rmse = shift_s = factor = np.nan  # your answers go into cells further down
+literal_rmse = shift_s = factor = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the RMSE

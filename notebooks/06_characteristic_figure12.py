@@ -266,7 +266,7 @@ workbook.export(
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-inverse_mrad = rounding_mrad = limit_rps = np.nan  # your answers go into cells further down
+inverse_mrad = rounding_mrad = limit_rps = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Fit the inverse, $A$ [rpm] as a cubic of $\delta$, to the ten points. Which backlash

@@ -324,7 +324,7 @@ workbook.export(cells=cells)
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-mean_length = mean_step = smallest = np.nan  # your answers go into cells further down
+mean_length = mean_step = smallest = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Equation 15 compares $\|\mathbf p_\sigma\|$ with the mean length of a standard normal vector. Estimate that

@@ -258,7 +258,7 @@ workbook.export(
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-together_rps = distance_rps = runs_needed = np.nan  # your answers go into cells further down
+together_rps = distance_rps = runs_needed = np.nan  # your answers
 
 # %% [markdown]
 # **1.** The residual of the noise-free fit (`own[10].rmse`) repeats every turn, the noise of half-amplitude 0.1789 rps

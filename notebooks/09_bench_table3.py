@@ -233,7 +233,7 @@ workbook.export(tables={"table3": table}, cells=cells, claims=claims)
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-error_mrad = sd_rps = change_percent = np.nan  # your answers go into cells further down
+error_mrad = sd_rps = change_percent = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Which error of the backlash (`error_mrad`, with its sign) does the printed error of $A$ make

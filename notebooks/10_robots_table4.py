@@ -221,7 +221,7 @@ workbook.export(tables={"table4": table}, cells=cells)
 # Each asks for numbers by a `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-chance = share_right = left = np.nan  # your answers go into cells further down
+chance = share_right = left = np.nan  # your answers
 
 # %% [markdown]
 # **1.** Over all pairs of an excessive and a healthy robot, in which share (`chance`) has the

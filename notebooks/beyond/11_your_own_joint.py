@@ -261,9 +261,7 @@ workbook.export()
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-gravity_percent = most_missed_percent = limit_days = (
-    np.nan
-)  # your answers go into cells further down
+gravity_percent = most_missed_percent = limit_days = np.nan  # your answers
 
 # %% [markdown]
 # **1.** The load is a point at the arm $r$, which is given 4 % too short. By how much

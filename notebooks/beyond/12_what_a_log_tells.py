@@ -260,14 +260,14 @@ of_log = "No joint with the paper's drive fits the log (p < 0.001): it tells no 
 if chance > 1e-3:
     of_log = (
         f"The log of {backlash_mrad:g} mrad is fitted by {estimate:.3f} mrad, with a 95 % interval of "
-        f"{estimate - 1.96 * sd_mrad:.3f} to {estimate + 1.96 * sd_mrad:.3f} mrad; of {benches} such joints the "
-        f"interval holds the true one for {np.sum(np.less(off, 1.96))}"
+        f"{estimate - 1.96 * sd_mrad:.3f} to {estimate + 1.96 * sd_mrad:.3f} mrad; for "
+        f"{np.sum(np.less(off, 1.96))} of {benches} joints drawn like this one the interval holds the true backlash"
     )
 times = (summary["mean error"] / summary["bound"]).map("{:.1f}".format)
 mean_mrad = summary["mean error"].map("{:.4f}".format)
 workbook.verdict(
-    f"{of_log}. Not knowing the stiffness multiplies the SD of the backlash by {sds[1] / sds[0]:.1f}. On "
-    f"{len(levels) * len(realisations)} noisy logs equation 10 errs by {mean_mrad['equation 10']} mrad on average, the "
+    f"{of_log}. Not knowing the stiffness multiplies the SD of the backlash by {sds[1] / sds[0]:.1f}. On noisy logs "
+    f"({len(levels) * len(realisations)} of them) equation 10 errs by {mean_mrad['equation 10']} mrad on average, the "
     f"fit of an unknown joint by {mean_mrad['joint unknown']} mrad ({times['joint unknown']} times the bound), that of "
     f"the known joint by {mean_mrad['joint known']} mrad ({times['joint known']} times its bound)."
 )
@@ -287,7 +287,7 @@ workbook.export()
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-bound = rho = turns_needed = np.nan  # your answers go into cells further down
+bound = rho = turns_needed = np.nan  # your answers
 
 # %% [markdown]
 # **1.** The amplitude $a$ of $a \sin(2\pi f t)$ is to be estimated from 2000 samples over whole

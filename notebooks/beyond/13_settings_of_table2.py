@@ -184,7 +184,7 @@ workbook.export(
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-fewest = power_of_ten = one_excluded = np.nan  # your answers go into cells further down
+fewest = power_of_ten = one_excluded = np.nan  # your answers
 
 # %% [markdown]
 # **1.** How many realisations (`fewest`) does a 95 % interval by order statistics need at least?

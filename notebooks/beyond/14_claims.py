@@ -375,7 +375,7 @@ workbook.export(claims=claims)
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-noises_needed = records_needed = bits_needed = np.nan  # your answers go into cells further down
+noises_needed = records_needed = bits_needed = np.nan  # your answers
 
 # %% [markdown]
 # **1.** At how many noises per number of turns (`noises_needed`, the least) would an error ratio of

@@ -139,7 +139,7 @@ workbook.export()
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
-highest_percent = sure = half_play_mrad = float("nan")  # your answers go into cells further down
+highest_percent = sure = half_play_mrad = float("nan")  # your answers
 
 # %% [markdown]
 # **1.** No alarm on `joints` independent joints that were all answered: how large may the rate of

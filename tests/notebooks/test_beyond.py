@@ -32,7 +32,7 @@ def test_a_fitted_joint_errs_less_than_equation_10_on_the_records_of_this_run(ru
     names, verdict, _ = run_notebook("12", benches=1, levels=[5, 8], realisations=[1])
     mean = names["summary"]["mean error"]
     assert mean["joint known"] < mean["equation 10"]
-    assert "On 2 noisy logs" in verdict
+    assert "On noisy logs (2 of them)" in verdict
 
 
 @pytest.mark.parametrize(
