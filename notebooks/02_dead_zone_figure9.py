@@ -2,7 +2,7 @@
 # # 2 · Stiffness and torque in the gap (equations 8 and 9, figure 9)
 #
 # *You will see what a dead zone is, and how much stiffness a smooth formula leaves inside the gap.
-# Before this: notebook [1](01_the_joint.ipynb).*
+# Reading time: 6 min. Run time: 10 s. Before this: notebook [1](01_the_joint.ipynb).*
 #
 # ## Claim
 #
@@ -30,6 +30,7 @@
 import numpy as np
 import pandas as pd
 from matplotlib import pyplot as plt
+from scipy.integrate import quad
 
 import workbook
 from replication import figures, published
@@ -122,12 +123,12 @@ workbook.sliders(draw, log10_alpha=(4.0, 3.0, 6.0), delta_mrad=(1.5, 0.3, 2.1))
 # torque jumps by $2 \delta K_{BL}(0, \delta)$.
 
 # %%
-left = pd.DataFrame({"alpha [1/rad]": alphas})
+left = pd.DataFrame({"alpha [1/rad]": [f"{alpha:,.0f}" for alpha in alphas]})
 left["at the edge [K_s]"] = [K_BL(delta, alpha) / K_s for alpha in alphas]
 left["in the middle [K_s]"] = [K_BL(0.0, alpha) / K_s for alpha in alphas]
 left["2 / (pi alpha delta)"] = [2 / (np.pi * alpha * delta) for alpha in alphas]
 left["jump [N m]"] = [tau_l(-1e-15, alpha) - tau_l(1e-15, alpha) for alpha in alphas]
-left.map("{:.4g}".format)
+left.round(5)
 
 # %% [markdown]
 # ## Verdict
@@ -141,24 +142,24 @@ share, jump = K_BL(0.0, ALPHA) / K_s, tau_l(-1e-15, ALPHA) - tau_l(1e-15, ALPHA)
 claims = {
     "stiffness_zero_inside": (
         published.decide("stiffness_zero_inside", share),
-        f"in mid-gap {100 * share:.2g} % of K_s at alpha = {ALPHA:.0e} per rad",
+        f"in mid-gap {100 * share:.2g} % of K_s at alpha = {ALPHA:,.0f} per rad",
     ),
     "no_discontinuity": (
         published.decide("no_discontinuity", jump),
-        f"the torque jumps at zero by {jump:.2g} N m at alpha = {ALPHA:.0e} per rad",
+        f"the torque jumps at zero by {jump:.2g} N m at alpha = {ALPHA:,.0f} per rad",
     ),
 }
 sharpest = max(alphas)
 workbook.verdict(
-    f"At {backlash_mrad:g} mrad, $K_s$ = {K_s:.3g} N m/rad and $\\alpha = 10^5$ per rad equation 8 leaves "
+    f"At {backlash_mrad:g} mrad, $K_s$ = {1e-3 * K_s:.3g} kN m/rad and $\\alpha = 10^5$ per rad equation 8 leaves "
     f"{100 * share:.2g} % of $K_s$ in the middle of the gap, and the torque of equation 9 jumps there by {jump:.2g} "
-    f"N m. The sharpest edge tried, {sharpest:.0e} per rad, leaves {100 * K_BL(0.0, sharpest) / K_s:.2g} %. Both "
+    f"N m. The sharpest edge tried, {sharpest:,.0f} per rad, leaves {100 * K_BL(0.0, sharpest) / K_s:.2g} %. Both "
     "shrink as $\\alpha$ grows and vanish for no finite one: the paper's sentences are approximations (errata E8, E9).",
     claims=claims,
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(claims=claims, facts={"alpha": (ALPHA, ".0e")})
+workbook.export(claims=claims, facts={"alpha": (ALPHA, ",.0f")})
 
 # %% [markdown]
 # ## Try changing
@@ -170,34 +171,48 @@ workbook.export(claims=claims, facts={"alpha": (ALPHA, ".0e")})
 #
 # ## Exercises
 #
-# **1.** Which $\alpha$ leaves 1 % of $K_s$ in the middle of a gap of $\delta$ = 1.5 mrad? Use the
-# exact form; a right answer leaves 1.00 %.
+# Each asks for numbers by a `name`. The cell below your answer says *right* or *not yet*.
+
+# %%
+alpha_1_percent = barrier_j = torque_nm = np.nan  # your answers
+
+# %% [markdown]
+# **1.** Which $\alpha$ (`alpha_1_percent` [1/rad]) leaves 1 % of $K_s$ in the middle of a gap of
+# $\delta$ = 1.5 mrad? Use the exact form.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 alpha_1_percent = np.tan(0.99 * np.pi / 2) / 15e-4
-assert np.isclose(K_BL(0.0, alpha_1_percent, 15e-4) / K_s, 0.01)
-print(f"{alpha_1_percent:.3g} per rad")
+print(f"{alpha_1_percent:,.0f} per rad")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+left_percent = 100 * K_BL(0.0, alpha_1_percent, 15e-4) / K_s
+print("right" if np.isclose(left_percent, 1, atol=0.005) else "not yet")
 
 # %% [markdown]
 # **2.** The torque inside the gap does work. How large is the potential's barrier between the two
-# edges at $\alpha = 10^4$ per rad, compared with the energy that the spring stores 0.1 mrad beyond
-# the edge?
+# edges at $\alpha = 10^4$ per rad (`barrier_j` [J])? Compare it with the energy that the spring
+# stores 0.1 mrad beyond the edge.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 inside = np.linspace(0.0, delta, 20001)
 barrier_j = -np.trapezoid(tau_l(inside, 1e4), inside)
-spring_j = K_s * 1e-4**2 / 2
-assert 0 < barrier_j < K_BL(0.0, 1e4) * delta**2
-print(f"{barrier_j:.2g} J against {spring_j:.2g} J")
+print(f"{barrier_j:.2g} J against {K_s * 1e-4**2 / 2:.2g} J")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+work_j, _ = quad(tau_l, delta, 0.0, args=(1e4,))
+print("right" if np.isclose(barrier_j, work_j, rtol=0.02) else "not yet")
 
 # %% [markdown]
-# **3.** Without sign() the torque would not jump. Write $\tau_l$ as $K_s$ times the displacement
-# less its part clipped to $\pm\delta$. Is it continuous, and equal to the clamped dead zone?
+# **3.** Without sign() the torque would not jump. Write $\tau_l$ (`torque_nm`, of the displacements
+# `x`) as $K_s$ times the displacement less its part clipped to $\pm\delta$. Is it continuous, and
+# equal to the clamped dead zone?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 torque_nm = K_s * (x - np.clip(x, -delta, delta))
-assert np.allclose(torque_nm, clamped_tau_l(x))
-assert np.abs(np.diff(torque_nm)).max() <= K_s * (x[1] - x[0]) * (1 + 1e-9)
+print(f"largest step {np.abs(np.diff(torque_nm)).max():.2g} N m, as K_s times that of x")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if np.allclose(torque_nm, clamped_tau_l(x)) else "not yet")
 
 # %% [markdown]
 # **What you have learnt**: a smooth dead zone leaves stiffness in the gap, and equation 9 jumps at

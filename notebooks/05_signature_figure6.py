@@ -2,7 +2,8 @@
 # # 5 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, see it over a record, and fit it with the cost of your
-# choice. Before this: notebooks [0](00_the_sensor.ipynb) and [4](04_growth_figure11.ipynb).*
+# choice. Reading time: 10 min. Run time: 10 s. Before this: notebooks [0](00_the_sensor.ipynb) and
+# [4](04_growth_figure11.ipynb).*
 #
 # ## Claim
 #
@@ -12,6 +13,8 @@
 # Equations 1 to 7 describe it, and figure 6 shows it.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+from collections import namedtuple
+
 import numpy as np
 import pandas as pd
 from matplotlib import pyplot as plt
@@ -19,7 +22,7 @@ from matplotlib import pyplot as plt
 import workbook
 from replication import cmaes, figures, published, signature
 from replication.records import load_clean
-from replication.signature import Box, Timing, table1_box
+from replication.signature import Box, Parameters, Timing, table1_box
 
 # %% [markdown]
 # One turn of the authors' clean record 12, a backlash of 2.3 mrad. Which seven numbers would draw
@@ -54,7 +57,8 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 # $$t_1 = t_0 + T_1, \quad t_2 = t_0 + T_2, \quad t_d = t_0 + T_d, \quad t_f = t_0 + T_f \tag{4}$$
 #
 # The last two contradict equation 7. The authors' runs have the shifts $T_d$ and $T_f$ without
-# $t_0$ (erratum E6, exercise 1). With those,
+# $t_0$ (erratum E6, exercise 1), and a phase that counts from the starting point, not from $t = 0$
+# as in equation 1 (E15). With those,
 #
 # $$d_b(t - t_0) = \begin{cases} A\,e^{-(t - (t_0 + T_1))\tau} \sin\omega(t - t_0) & t_0 + T_1 \le t \le t_0 + T_2 \\
 # 0 & \text{else} \end{cases} \tag{5}$$
@@ -85,15 +89,17 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 run = 8  # which of the 30 stored runs to draw
 turns = 2  # turns in figure 6
 cost = "RMSE"  # what the fit minimises: "RMSE", "L1" (the mean absolute residual), or a function of the residual
-more_bounds = []  # of further parameters that you give the signature, such as [(100.0, 500.0)]
+more_bounds = {}  # of further parameters that you give the signature, such as {"beat": (100.0, 500.0)}
 seeds = 3  # searches of each fit
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+with workbook.explain("more_bounds", more_bounds):
+    your_names = [*more_bounds]
 workbook.check_parameters(
     run=(run, range(1, 31)),
     turns=(turns, range(1, 13)),
     cost=(cost, ("RMSE", "L1", callable)),
-    more_bounds=(more_bounds, [[workbook.Interval(-np.inf)], []]),
+    more_bounds=(more_bounds, {key: [workbook.Interval(-np.inf)] for key in your_names}),
     seeds=(seeds, range(2, 31)),
 )
 
@@ -104,12 +110,15 @@ def rmse(residual):
 
 costs = {"RMSE": rmse, "L1": lambda residual: np.mean(np.abs(residual))}
 criterion = costs.get(cost, cost)
-with workbook.explain("cost", cost):
-    if not criterion(np.ones(9)) < criterion(2 * np.ones(9)):
-        raise ValueError("a cost must grow with the residual")
+with workbook.explain("cost", getattr(cost, "__name__", cost)):
+    one, two, minus_two = (float(criterion(np.full(9, size))) for size in (1.0, 2.0, -2.0))
+    if not 0 <= one < min(two, minus_two):
+        raise ValueError("it should return a number from 0 on that grows with the residual's size")
 with workbook.explain("more_bounds", more_bounds):
-    if any(len(pair) != 2 or pair[0] >= pair[1] for pair in more_bounds):
-        raise ValueError("each item should be a lower and a higher bound")
+    if any(len(pair) != 2 or pair[0] >= pair[1] for pair in more_bounds.values()):
+        raise ValueError("each parameter needs a lower and a higher bound")
+    fields = [*Parameters._fields, *your_names]
+    Yours = namedtuple("Yours", fields, defaults=[0] * len(your_names))
 
 # %% [markdown]
 # ## Result
@@ -117,16 +126,15 @@ with workbook.explain("more_bounds", more_bounds):
 # ### The signature in ten lines
 #
 # `replication.signature` has the same functions. Change a line, and the fit below has your
-# signature. Further parameters of yours are `X[7:]`, within `more_bounds`; the stored runs have
-# none.
+# signature. A further parameter of yours is `X.beat`, say, with its bounds in `more_bounds`; in the
+# stored runs it is 0.
 
 
 # %%
 def d_b(t, t0, X):  # equation 5
-    A, _, tau, omega, _, T2, T1 = X[:7]
-    wave, on = np.zeros_like(t), (t >= t0 + T1) & (t <= t0 + T2)
+    wave, on = np.zeros_like(t), (t >= t0 + X.T1) & (t <= t0 + X.T2)
     t = t[on]
-    wave[on] = A * np.exp(-(t - (t0 + T1)) * tau) * np.sin(omega * (t - t0))
+    wave[on] = X.A * np.exp(-(t - (t0 + X.T1)) * X.tau) * np.sin(X.omega * (t - t0))
     return wave
 
 
@@ -135,7 +143,7 @@ def f(t, t0, X, T_d):  # equation 6
 
 
 def h(t, X, T_d, T_f, n):  # equation 7
-    return sum(f(t, X[1] + i * T_f, X, T_d) for i in range(n))
+    return sum(f(t, X.t0 + i * T_f, X, T_d) for i in range(n))
 
 
 # %% [markdown]
@@ -143,12 +151,12 @@ def h(t, X, T_d, T_f, n):  # equation 7
 
 # %%
 stored_runs = published.table("authors_notebook_runs").set_index("run")
-stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)  # a row for each run
-stored, X = stored_runs.loc[run], stored_X[run - 1]
+stored_X = [Yours(*row) for row in stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)]
+X = stored_X[run - 1]
 t = np.arange(0, turns * 0.4 + 0.1, 1e-4)
 workbook.show_figure(
     "figure06_signature",
-    figures.signature_parameters(t, h(t, X, 0.2, 0.4, turns), X, Timing(n=turns)),
+    figures.signature_parameters(t, h(t, X, 0.2, 0.4, turns), X[:7], Timing(n=turns)),
     f"(a) The signature of {turns} turns at the parameters of stored run {run}: two oscillations a turn, T_d apart. "
     "(b) The first lasts from t_0 + T_1 to t_0 + T_2; its envelope (dashed) decays from the amplitude A.",
 )
@@ -162,8 +170,7 @@ workbook.show_figure(
 
 # %%
 def residual_signal(X, n=12):  # equation 11, less the signature
-    r = record.v - X[4]
-    return r - h(record.t, X, 0.2, 0.4, n)
+    return record.v - X.v_t - h(record.t, X, 0.2, 0.4, n)
 
 
 workbook.show_figure(
@@ -189,8 +196,8 @@ workbook.show_figure(
 stored_rmse = stored_runs["final_rmse_rps"].to_numpy()
 reproduced = {
     n: sum(
-        abs(rmse(residual_signal(x, n)) - end) < 1e-6
-        for x, end in zip(stored_X, stored_rmse, strict=True)
+        abs(rmse(residual_signal(X, n)) - end) < 1e-6
+        for X, end in zip(stored_X, stored_rmse, strict=True)
     )
     for n in range(10, 15)
 }
@@ -210,46 +217,44 @@ basins.rename("stored runs that end there").to_frame()
 
 # %%
 t_fit, v_fit = record.t[200:400], record.v[200:400]
-box = table1_box(t_fit, v_fit)
-more = np.reshape(more_bounds, (-1, 2))
-lower, upper = np.r_[box.lower, more[:, 0]], np.r_[box.upper, more[:, 1]]
-lower[1], upper[1] = 0.0, 0.4  # t0 lies in the turn before
+bounds = dict(zip(Parameters._fields, zip(*table1_box(t_fit, v_fit), strict=True), strict=True))
+bounds |= {"t0": (0.0, 0.4)} | more_bounds  # t0 lies in the turn before
 
 
 def your_residual(X):
-    return v_fit - X[4] - h(t_fit, X, 0.2, 0.4, 2)
+    return v_fit - X.v_t - h(t_fit, X, 0.2, 0.4, 2)
 
 
 def paper_residual(X):
-    return v_fit - X[4] - signature.h(t_fit, X, Timing(n=2))
+    return v_fit - X.v_t - signature.h(t_fit, X, Timing(n=2))
 
 
 # %%
-def best_of_seeds(residual, criterion, size):
+def best_of_seeds(residual, criterion, kind):  # of parameters: the paper's, or yours
     def misfits(members):
-        return np.array([criterion(residual(X)) for X in members], dtype=float)
+        return np.array([criterion(residual(kind(*X))) for X in members], dtype=float)
 
-    bounds = Box(lower[:size], upper[:size])
+    box = Box(*np.array([bounds[name] for name in kind._fields]).T)
     ends = [
-        cmaes.search(cmaes.generations(misfits, bounds, seed, 300), iterations=200)
+        cmaes.search(cmaes.generations(misfits, box, seed, 300), iterations=200)
         for seed in range(1, seeds + 1)
     ]
     best = min(ends, key=lambda end: end.misfit)
-    alike = sum(end.misfit <= 1.02 * best.misfit for end in ends)
-    return {"|A| [rps]": abs(best.best[0]), "RMSE [rps]": rmse(residual(best.best)), "alike": alike}
+    X, alike = kind(*best.best), sum(end.misfit <= 1.02 * best.misfit for end in ends)
+    return {"|A| [rps]": abs(X.A), "RMSE [rps]": rmse(residual(X)), "alike": alike}
 
 
 # %%
 same_signature = all(
-    np.allclose(h(record.t, x, 0.2, 0.4, 12), signature.h(record.t, x), atol=1e-9) for x in stored_X
+    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X[:7])) for X in stored_X
 )
 changed = not same_signature or cost != "RMSE" or bool(more_bounds)
-rows = {"the paper's": best_of_seeds(paper_residual, rmse, 7)}
-with workbook.explain("cost", cost):
+rows = {"the paper's": best_of_seeds(paper_residual, rmse, Parameters)}
+with workbook.explain("cost", getattr(cost, "__name__", cost)):
     if changed:
-        rows["yours"] = best_of_seeds(your_residual, criterion, len(lower))
-fits = pd.DataFrame(rows).T.rename(columns={"alike": f"searches of {seeds} that end there"})
-fits.round(4)
+        rows["yours"] = best_of_seeds(your_residual, criterion, Yours)
+fits = pd.DataFrame.from_dict(rows, orient="index").round(4)
+fits.rename(columns={"alike": f"searches of {seeds} that end there"})
 
 # %% [markdown]
 # ## Verdict
@@ -290,40 +295,49 @@ workbook.export(cells=cells)
 #
 # ## Exercises
 #
-# **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the
-# RMSE of the stored run 8 then?
+# Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*. All are
+# of the stored run 8.
 
-# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-X8 = stored_X[7]
-literal = signature.rmse(record.t, record.v, X8, Timing(X8[1] + 0.2, X8[1] + 0.4))
-assert literal > 2 * stored_rmse[7]
-print(f"{literal:.3f} rps, {literal / stored_rmse[7]:.1f} times the stored one")
+# %%
+X8 = Parameters(*stored_X[7][:7])
+literal_rmse = shift_s = factor = np.nan  # your answers
 
 # %% [markdown]
-# **2.** Some of the stored runs have a negative $A$, others a positive one. Show that
-# $(-A, t_0 + T_d)$ has the same signature as $(A, t_0)$ once both have begun. What can a fit tell
+# **1.** Read equation 4 literally: the shifts are $t_0 + T_d$ and $t_0 + T_f$. How large is the RMSE
+# (`literal_rmse` [rps]) then?
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+literal_rmse = rmse(record.v - X8.v_t - h(record.t, stored_X[7], X8.t0 + 0.2, X8.t0 + 0.4, 12))
+print(f"{literal_rmse:.3f} rps, {literal_rmse / stored_rmse[7]:.1f} times the stored one")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+literal = signature.rmse(record.t, record.v, X8, Timing(X8.t0 + 0.2, X8.t0 + 0.4))
+print("right" if np.isclose(literal_rmse, literal, rtol=0.01) else "not yet")
+
+# %% [markdown]
+# **2.** Some of the stored runs have a negative $A$, others a positive one. By which `shift_s` must
+# $t_0$ move so that $-A$ gives the same signature as $A$, once both have begun? What can a fit tell
 # of $A$?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-inverted = X8 * [-1, 1, 1, 1, 1, 1, 1] + [0, 0.2, 0, 0, 0, 0, 0]
-begun = record.t > X8[1] + X8[5]
-both = signature.h(record.t, inverted), signature.h(record.t, X8)
-assert np.allclose(both[0][begun], both[1][begun])
-print("its size |A|, not its sign")
+shift_s = 0.2  # half a turn: a fit tells |A|, not its sign
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+begun = record.t > X8.t0 + 0.5
+inverted = signature.h(record.t, X8._replace(A=-X8.A, t0=X8.t0 + shift_s))[begun]
+print("right" if np.allclose(inverted, signature.h(record.t, X8)[begun], atol=1e-3) else "not yet")
 
 # %% [markdown]
-# **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open just after the earlier
-# sample of the two. By which factor must $A$ change so that no sample of $h$ does? How far is $A$
-# free at a sampling period of 2 ms?
+# **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open a whole sampling period of
+# 2 ms earlier. By which `factor` must $A$ change so that the oscillation after the old opening stays
+# as it is? That is how far $A$ is free.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-opens = X8[1] + X8[6]
-earlier = opens - (np.floor(opens / 0.002) + 0.01) * 0.002
-factor = np.exp(X8[2] * earlier)
-moved = X8 * [factor, 1, 1, 1, 1, 1, 1] - [0, 0, 0, 0, 0, 0, earlier]
-assert np.allclose(signature.h(record.t, moved), signature.h(record.t, X8))
-whole = np.exp(0.002 * X8[2]) - 1
-print(f"here {100 * (factor - 1):.2f} %; over a whole sample {100 * whole:.1f} %")
+factor = np.exp(0.002 * X8.tau)
+print(f"{100 * (factor - 1):.1f} %")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if np.isclose(np.log(factor), 0.002 * X8.tau, rtol=0.02) else "not yet")
 
 # %% [markdown]
 # **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is

@@ -2,7 +2,8 @@
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
 # *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and what the
-# printed digits can tell. Run time: 5 s. Before this: notebook [4](04_growth_figure11.ipynb).*
+# printed digits can tell. Reading time: 9 min. Run time: 5 s. Before this: notebook
+# [4](04_growth_figure11.ipynb).*
 #
 # ## Claim
 #
@@ -32,6 +33,7 @@
 # %%
 import numpy as np
 import pandas as pd
+from scipy.optimize import brentq
 
 import workbook
 from replication import characteristic, figures, joint, published
@@ -137,7 +139,7 @@ both = {"printed points": pd.Series(fitted), "simulated peaks": pd.Series(ours)}
 
 # %%
 mean = published.column("Table 2", "mean")[: delta.size]
-points = pd.DataFrame({"delta": delta, "A_rps": theoretical})
+points = pd.DataFrame({"delta": delta, "A_rps": theoretical})  # delta in rad
 points["by A in rpm"] = polynomial(60 * theoretical, printed)
 points["by A in rps"] = polynomial(theoretical, printed)
 points["by the mean"] = polynomial(60 * mean, printed)
@@ -150,7 +152,7 @@ points.map("{:.4g}".format)
 #
 # Was the cubic fitted to the printed, rounded $A$, or to more digits of them? Each $A$ is moved at random within its
 # last printed digit, and the cubic fitted again. The table has the largest change of each coefficient, in its unit of
-# $10^{-6}$: only the printed digits give the printed coefficients.
+# $10^{-6}$: where it exceeds the last printed digit, only the printed $A$ can have given the coefficient.
 
 # %%
 moves = 0.5e-4 * np.random.default_rng(1).uniform(-1, 1, size=(2000, theoretical.size))
@@ -212,17 +214,17 @@ cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
 A_rps = np.linspace(0, theoretical.max(), 1000)
 slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
 measured = {
-    "error_rad_small": (error.iloc[0], f"{error.iloc[0]:.2g} rad at {delta[0]:.0e} rad"),
+    "error_rad_small": (
+        error.iloc[0],
+        f"{1e3 * error.iloc[0]:.2g} mrad at {1e3 * delta[0]:.1f} mrad",
+    ),
     "error_rad_large": (
         error.max(),
-        f"the largest error is {error.max():.2g} rad, at {delta[error.idxmax()]:.1e} rad; the number of the text is "
-        "read as an upper bound, and is not the largest error itself",
+        f"the largest error is {1e3 * error.max():.2g} mrad, at {1e3 * delta[error.idxmax()]:.1f} mrad; "
+        "the number of the text is read as an upper bound, and is not the largest error itself",
     ),
-    "monotone": (
-        slope,
-        f"the smallest slope over the range of the points is {slope:.2g} rad per rps",
-    ),
-    "encoder_step": (encoder_step, f"one step of the encoder is {encoder_step:.3g} rad"),
+    "monotone": (slope, f"the smallest slope from 0 rps on is {1e3 * slope:.2g} mrad per rps"),
+    "encoder_step": (encoder_step, f"one step of the encoder is {1e3 * encoder_step:.3g} mrad"),
 }
 claims = {
     claim: (published.decide(claim, number, criteria), words)
@@ -232,11 +234,12 @@ claims = {
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(
     f"{agreeing} of 4 printed coefficients are those of the cubic through {used.sum()} printed points, of "
-    f"{rpm_per_rps:g} times the tables' $A$. Its RMSE is {fitted_rmse:.3g} rad, not {printed_rmse:.4e}. As printed, "
+    f"{rpm_per_rps:g} times the tables' $A$. Its RMSE is {1e3 * fitted_rmse:.4f} mrad; printed are "
+    f"{1e10 * printed_rmse:.4f}·10⁻¹⁰ rad. As printed, "
     f"with $A$ in rpm, equation 10 misses its ten points by at most "
     f"{1e3 * (points['by A in rpm'] - delta).abs().max():.2g} mrad, and Table 2's errors of $A$ mean up to "
     f"{1e3 * points['error_of_A'].abs().max():.2g} mrad. A polynomial of degree {degree} misses our simulated peaks by "
-    f"{ours_rmse:.2g} rad (RMSE), and is at most {1e3 * apart:.2g} mrad from equation 10.",
+    f"{1e3 * ours_rmse:.5f} mrad (RMSE), and is at most {1e3 * apart:.2g} mrad from equation 10.",
     cells,
     claims,
 )
@@ -260,42 +263,54 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** Fit the inverse, $A$ [rpm] as a cubic of $\delta$, to the ten points, and read the backlash
-# off it at $A$ = 0.6 rps by bisection. How far is it from equation 10's (in rad, to two digits)?
-# Which of the two fits has errors in the right variable, if $A$ is what is measured?
+# Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
-# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-inverse, _ = fit_polynomial(1e4 * delta, 60 * theoretical)
-low, high = delta[0], delta[-1]
-for _ in range(50):
-    middle = (low + high) / 2
-    low, high = (middle, high) if polynomial(1e4 * middle, inverse) < 36 else (low, middle)
-apart = low - polynomial(36.0, printed)
-assert abs(apart) < 3 * fit_polynomial(60 * theoretical, delta)[1]
-print(f"{apart:.1e} rad: within the fit's misfit; the inverse has the errors of A where they arise")
+# %%
+inverse_mrad = rounding_mrad = limit_rps = np.nan  # your answers
 
 # %% [markdown]
-# **2.** The printed coefficients have four decimals. How far can their rounding alone move $\delta$
-# at the last row (in rad, to one digit)? Compare it with the RMSE of the fit.
+# **1.** Fit the inverse, $A$ [rpm] as a cubic of $\delta$, to the ten points. Which backlash
+# (`inverse_mrad`) has $A$ = 0.6 rps? How far is it from equation 10's? Which of the two fits has
+# errors in the right variable, if $A$ is what is measured?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-rounding_rad = 1e-6 * 0.5e-4 * (60 * theoretical[-1]) ** np.arange(4)
-print("from A^0 to A^3:", ", ".join(f"{each:.1e} rad" for each in rounding_rad))
+inverse, _ = fit_polynomial(1e3 * delta, 60 * theoretical)
+inverse_mrad = brentq(lambda mrad: polynomial(mrad, inverse) - 36, 0.3, 2.1)
+print(
+    f"{inverse_mrad:.4f} mrad, by equation 10 {1e3 * polynomial(36.0, printed):.4f}: in the inverse A has the errors"
+)
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+of_delta = np.polyfit(1e3 * delta, theoretical, 3)
+print("right" if np.isclose(np.polyval(of_delta, inverse_mrad), 0.6, atol=5e-4) else "not yet")
+
+# %% [markdown]
+# **2.** The printed coefficients have four decimals. By how much can the rounding of the first one,
+# that of $A^3$, alone move $\delta$ at the last row (`rounding_mrad`, to one digit)? Compare it with
+# the RMSE of the fit.
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+rounding_mrad = 1e-3 * 0.5e-4 * (60 * theoretical[-1]) ** 3
 points_rmse = fit_polynomial(60 * theoretical, delta)[1]
-assert rounding_rad[3] > 2 * points_rmse > 1000 * printed_rmse
+print(f"{rounding_mrad:.3f} mrad, {1e-3 * rounding_mrad / points_rmse:.1f} times the RMSE")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+moved = (
+    polynomial(60 * theoretical[-1], [*printed[:3], printed[3] + 0.5e-10])
+    - points["by A in rpm"][9]
+)
+print("right" if np.isclose(rounding_mrad, 1e3 * moved, rtol=0.1) else "not yet")
 
 # %% [markdown]
-# **3.** A sensor reads $A$ = 0.9 rps. Which backlash is it? And which $A$ will it read when the
-# backlash has reached 2·10⁻³ rad (to 0.001 rps)? Invert equation 10 numerically, and check that it
-# grows over the range, so that there is one answer.
+# **3.** Which $A$ (`limit_rps`) does a sensor read when the backlash has reached 2 mrad? Invert
+# equation 10 numerically, and see that it grows over the range, so that there is one answer.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-roots = np.roots([*printed[:0:-1], printed[0] - 2e-3]) / 60
-real = roots[np.abs(roots.imag) < 1e-9].real
-(A_limit,) = real[(real > 0) & (real < theoretical[-1])]
-assert np.isclose(polynomial(60 * A_limit, printed), 2e-3)
-assert slope > 0
-print(f"{polynomial(54.0, printed):.2e} rad; {A_limit:.3f} rps")
+limit_rps = brentq(lambda A: polynomial(60 * A, printed) - 2e-3, 0, theoretical[-1])
+print(f"{limit_rps:.3f} rps; the smallest slope is {1e3 * slope:.2g} mrad per rps")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if np.isclose(polynomial(60 * limit_rps, printed), 2e-3, rtol=2e-3) else "not yet")
 
 # %% [markdown]
 # **What you have learnt**: a formula without units can be tested on its own points, and a printed

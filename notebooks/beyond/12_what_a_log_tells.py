@@ -2,8 +2,8 @@
 # # 12 · What a log tells
 #
 # *You will see how a second unknown makes the backlash less certain, how accurate any estimator can
-# be, and fit a whole simulated joint to one log. Run time: 30 s. Before this: notebooks
-# [3](../03_simulator_figure10.ipynb) and [8](../08_noise_table2.ipynb).*
+# be, and fit a whole simulated joint to one log. Reading time: 10 min. Run time: 30 s. Before this:
+# notebooks [3](../03_simulator_figure10.ipynb) and [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
 #
@@ -29,7 +29,7 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 import workbook
-from replication import bench, joint, published, records, table2
+from replication import bench, characteristic, joint, records, table2
 
 # %% [markdown]
 # ## Parameters
@@ -48,7 +48,7 @@ workbook.check_parameters(
     benches=(benches, range(1, 1001)),
     backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 5)),
     gain_factor=(gain_factor, workbook.Interval(0.3, 2)),
-    levels=(list(levels), [range(2, 12)]),
+    levels=(levels, [range(2, 12)]),
     realisations=(realisations, [range(1, 6)]),
 )
 
@@ -100,7 +100,7 @@ sds = [1 / np.linalg.norm(J[:, 0]), sd[0]]  # without and with the second unknow
 pd.Series(sds, index=["stiffness known", "stiffness unknown"], name="SD [mrad]").to_frame()
 
 # %% [markdown]
-# The ellipse is oblique: both unknowns change the speed alike. These SDs need
+# An oblique ellipse says that both unknowns change the speed alike. These SDs need
 # the slopes at one point only, and no grid, so that it works for many unknowns:
 #
 # $$\Sigma = (J^\top J)^{-1}, \qquad J_{ij} = \frac{1}{\sigma} \frac{\partial v_i}{\partial z_j},$$
@@ -181,6 +181,10 @@ def covariance(fit):
     return np.linalg.inv(fit.jac.T @ fit.jac)
 
 
+def backlash_of(fit):  # and its SD [mrad]
+    return fit.x[0], np.sqrt(covariance(fit)[0, 0])
+
+
 # %% [markdown]
 # Logs of joints that are drawn around the paper's (notebook 9), with an encoder of 19 bits, whose
 # positions are differenced. The first one:
@@ -212,32 +216,27 @@ table.round(3)
 # %%
 chi2_fit, freedom = 2 * fit.cost, 2 * ORDERS.size - 3
 chance = stats.chi2.sf(chi2_fit, freedom)
-print(f"chi squared {chi2_fit:.0f} for {freedom} degrees of freedom: p = {chance:.2g}")
+print(f"chi squared {chi2_fit:.0f} for {freedom} degrees of freedom: p = {chance:.3f}")
 
 # %% [markdown]
 # ### The authors' noisy logs
 #
 # Errors of three estimators: the paper's equation 10 on $A$ of the best fit; the joint fitted with
-# all eight unknowns; and with the start and the backlash alone, the paper's joint known. Lines: the
-# Cramér-Rao bound, as the mean size of an error. The paper's joint was identified from clean records
+# all eight unknowns; and with the start and the backlash alone, the paper's joint known. `bound` is
+# the Cramér-Rao bound, as the mean size of an error. The paper's joint was identified from clean records
 # of the same simulator, with which notebook 3 compares all eleven: the third estimator knows its
 # joint. *Predict:* which errs least?
 
 
 # %%
-def equation_10_mrad(record):
-    a = 1e-3 * np.array([published.value(f"equation10.A{k}") for k in range(4)])  # mrad/rpm^k
-    return np.polynomial.Polynomial(a)(60 * table2.best_fit(record).amplitude_rps)
-
-
-rows = []
+equation_10, rows = characteristic.equation_10(), []
 for K, R in product(levels, realisations):
     record, true_mrad = records.load_noisy(K, R), 0.1 * (2 * K - 1)
-    rows.append({"estimator": "equation 10", "mrad": abs(equation_10_mrad(record) - true_mrad)})
+    by_A_mrad = 1e3 * equation_10.backlash_rad(table2.best_fit(record).amplitude_rps)
+    rows.append({"estimator": "equation 10", "mrad": abs(by_A_mrad - true_mrad)})
     for estimator, unknowns in {"joint known": 2, "joint unknown": 8}.items():
-        each = fit_joint(record.v, False, unknowns)
-        off = abs(each.x[0] - true_mrad)
-        rows.append({"estimator": estimator, "mrad": off, "sd": np.sqrt(covariance(each)[0, 0])})
+        estimate, sd_mrad = backlash_of(fit_joint(record.v, False, unknowns))
+        rows.append({"estimator": estimator, "mrad": abs(estimate - true_mrad), "sd": sd_mrad})
 
 # %%
 size = pd.DataFrame(rows).groupby("estimator", sort=False)
@@ -246,28 +245,29 @@ summary["bound"] = np.sqrt(2 / np.pi) * size["sd"].mean()  # mean size of a norm
 summary.round(4)
 
 # %% [markdown]
-# The fits lie near their bounds; the amplitude is one number of the waveform, and most of what the
-# waveform says of the backlash is elsewhere. Knowing the joint is worth more than a better estimator:
-# compare the two bounds.
+# The amplitude is one number of the waveform; how much of what the waveform says of the backlash is
+# elsewhere, the bounds tell. Compare each error with its bound, and the two bounds: which is worth
+# more, a better estimator or knowing the joint?
 #
 # ## Verdict
 #
 # No number of the paper is judged here.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-low, high = fit.x[0] + 1.96 * fit_sd[0] * np.array([-1, 1])
-off = [abs(each.x[0] - backlash_mrad) / np.sqrt(covariance(each)[0, 0]) for each in fits]
-of_log = f"No joint with the paper's drive fits the log (p = {chance:.1g}): it tells no backlash"
+estimate, sd_mrad = backlash_of(fit)
+off = [abs(mrad - backlash_mrad) / sd for mrad, sd in map(backlash_of, fits)]
+of_log = "No joint with the paper's drive fits the log (p < 0.001): it tells no backlash"
 if chance > 1e-3:
     of_log = (
-        f"The log of {backlash_mrad:g} mrad is fitted by {fit.x[0]:.3f} mrad, with a 95 % interval of {low:.3f} to "
-        f"{high:.3f} mrad; of {benches} such joints the interval holds the true one for {np.sum(np.less(off, 1.96))}"
+        f"The log of {backlash_mrad:g} mrad is fitted by {estimate:.3f} mrad, with a 95 % interval of "
+        f"{estimate - 1.96 * sd_mrad:.3f} to {estimate + 1.96 * sd_mrad:.3f} mrad; for "
+        f"{np.sum(np.less(off, 1.96))} of {benches} joints drawn like this one the interval holds the true backlash"
     )
 times = (summary["mean error"] / summary["bound"]).map("{:.1f}".format)
 mean_mrad = summary["mean error"].map("{:.4f}".format)
 workbook.verdict(
-    f"{of_log}. Not knowing the stiffness multiplies the SD of the backlash by {sds[1] / sds[0]:.1f}. On "
-    f"{len(levels) * len(realisations)} noisy logs equation 10 errs by {mean_mrad['equation 10']} mrad on average, the "
+    f"{of_log}. Not knowing the stiffness multiplies the SD of the backlash by {sds[1] / sds[0]:.1f}. On noisy logs "
+    f"({len(levels) * len(realisations)} of them) equation 10 errs by {mean_mrad['equation 10']} mrad on average, the "
     f"fit of an unknown joint by {mean_mrad['joint unknown']} mrad ({times['joint unknown']} times the bound), that of "
     f"the known joint by {mean_mrad['joint known']} mrad ({times['joint known']} times its bound)."
 )
@@ -284,34 +284,44 @@ workbook.export()
 #
 # ## Exercises
 #
-# **1.** The amplitude $a$ of $a \sin(2\pi f t)$ is to be estimated from $n$ samples over whole
-# periods, in white noise of the SD $\sigma$. Which SD does the Cramér-Rao bound leave?
-# Check it by drawing.
+# Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
-# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-n, noise = 2000, 0.1
-sine = np.sin(2 * np.pi * 5 * np.arange(n) / n)  # the slope by a; the sum of its squares is n / 2
-by_drawing = np.random.default_rng(1).normal(0, noise, (4000, n)) @ sine / (sine @ sine)
-assert np.isclose(by_drawing.std(), noise * np.sqrt(2 / n), rtol=0.04)
-print("sigma sqrt(2 / n)")
+# %%
+bound = rho = turns_needed = np.nan  # your answers
 
 # %% [markdown]
-# **2.** By which factor does a second unknown widen the bound? Show for the backlash and the
-# stiffness that it is $1 / \sqrt{1 - \rho^2}$ with the cosine $\rho$ between the columns of $J$, and
-# say why it does not depend on the noise.
+# **1.** The amplitude $a$ of $a \sin(2\pi f t)$ is to be estimated from 2000 samples over whole
+# periods, in white noise of the SD 0.1. Which SD does the Cramér-Rao bound leave (`bound`)?
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+bound = 0.1 * np.sqrt(2 / 2000)  # the slope by a is the sine; the sum of its squares is n / 2
+print(f"{bound:.4f}: sigma sqrt(2 / n)")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+sine = np.sin(2 * np.pi * 5 * np.arange(2000) / 2000)
+print("right" if np.isclose(bound, 0.1 / np.linalg.norm(sine), rtol=0.02) else "not yet")
+
+# %% [markdown]
+# **2.** A second unknown widens the bound by $1 / \sqrt{1 - \rho^2}$, with the cosine $\rho$ between
+# the columns of $J$. How large is it (`rho`) for the backlash and the stiffness? Why does it not
+# depend on the noise?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 rho = J[:, 0] @ J[:, 1] / np.prod(np.linalg.norm(J, axis=0))
-assert np.isclose(sds[1] / sds[0], 1 / np.sqrt(1 - rho**2))
-print(f"{sds[1] / sds[0]:.2f}: both SDs grow in proportion to sigma")
+print(f"{rho:.2f}: both SDs grow in proportion to sigma")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if np.isclose(1 - rho**2, (sds[0] / sds[1]) ** 2, atol=0.01) else "not yet")
 
 # %% [markdown]
-# **3.** The bound above is that of eleven settled turns. How many does a log need for half of it?
+# **3.** The bound above is that of the mean of eleven turns. How many turns (`turns_needed`) does a
+# log need for half of it?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-four_times = np.vstack([J] * 4)  # each turn tells as much as another
-assert np.isclose(np.sqrt(np.linalg.inv(four_times.T @ four_times)[0, 0]), sd[0] / 2)
-print("44")
+turns_needed = 44  # each turn tells as much as another: four times as many
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if np.isclose(np.sqrt(11 / turns_needed), 0.5, rtol=0.01) else "not yet")
 
 # %% [markdown]
 # **What you have learnt**: unknowns that act alike widen an interval; a bound says how good an

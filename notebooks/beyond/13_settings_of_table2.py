@@ -2,7 +2,7 @@
 # # 13 · Which search settings produced Table 2?
 #
 # *You will replay the runs that the authors stored, and compare a published table with those that candidate settings
-# give by the dozen. Run time: 30 s. Before this: notebooks [7](../07_search_table1.ipynb) and
+# give by the dozen. Reading time: 6 min. Run time: 30 s. Before this: notebooks [7](../07_search_table1.ipynb) and
 # [8](../08_noise_table2.ipynb).*
 #
 # ## Claim
@@ -27,7 +27,8 @@
 # their 16 % and 84 % quantiles; for SDs, whose law has two humps, $s = -2 \ln p$ with the two-sided $p$ of the rank. If
 # these settings produced the table, the printed score is as likely as any other of its row. So the sum of the ten
 # printed scores is ranked among 20 000 sums of scores drawn row by row. The *pooled bias* is the mean over ten rows of
-# mean $A$ over theoretical $A$, less 1; its $p$ is two-sided among 20 000 tables drawn row by row.
+# mean $A$ over theoretical $A$, less 1; its $p$ is two-sided among 20 000 tables drawn row by row. All three $p$ are
+# `evidence.weigh`'s.
 
 # %%
 import numpy as np
@@ -58,8 +59,7 @@ workbook.check_parameters(
 # ### The stored runs, replayed
 #
 # Their notebook prints about 17 generations of each of the runs 1 to 20, to 16 digits, and the end of all 30.
-# *Predict:*
-# how many generations do a seed and the right program give again?
+# *Predict:* how many generations do a seed and the right program give again?
 
 # %%
 ours = replay.replay_stored_runs(load_clean(12))
@@ -156,7 +156,7 @@ workbook.verdict(
     f"{len(ended)} runs end at the stored misfit, {same_count.sum()} of them in the stored generation. Read from the "
     f"kept realisations: {len(judged) - len(excluded)} of {len(judged)} settings are compatible with Table 2 at "
     f"{100 * level:g} %; excluded: {'; '.join(excluded) or 'none'}. Together, those with the whole record have p = "
-    f"{together['p_means']:.2g} for the means and {together['p_sds']:.2g} for the SDs. {prediction_finding}.",
+    f"{together['p_means']:.2f} for the means and {together['p_sds']:.2f} for the SDs. {prediction_finding}.",
     claims=claims,
 )
 
@@ -181,32 +181,45 @@ workbook.export(
 #
 # ## Exercises
 #
-# **1.** How many realisations does a 95 % interval by order statistics need at least, and a 99 % one?
+# Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
+
+# %%
+fewest = power_of_ten = one_excluded = np.nan  # your answers
+
+# %% [markdown]
+# **1.** How many realisations (`fewest`) does a 95 % interval by order statistics need at least?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-needed = {level: int(np.ceil(2 / (1 - level) - 1e-9)) - 1 for level in (0.95, 0.99)}
-assert np.isfinite(table2.prediction_interval(np.arange(needed[0.95]))).all()
-assert not np.isfinite(table2.prediction_interval(np.arange(needed[0.95] - 1))).any()
-print(needed)
+fewest = round(2 / (1 - 0.95)) - 1
+print(f"{fewest}; for 99 % {round(2 / (1 - 0.99)) - 1}")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+finite = [k for k in range(2, 60) if np.isfinite(table2.prediction_interval(np.arange(k))).all()]
+print("right" if fewest == min(finite) else "not yet")
 
 # %% [markdown]
 # **2.** If a search that is not the authors' ended each run in one of the four stored basins with the stored shares,
-# how probable would it be that all 30 end in their own basin (the power of ten)?
+# how probable would it be that all 30 end in their own basin (its `power_of_ten`, to one)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 share = basins["runs"] / basins["runs"].sum()
-by_chance = np.prod(share[stored["basin"]])
-assert by_chance < 1e-10
-print(f"{by_chance:.0e}")
+power_of_ten = np.log10(share[stored["basin"]]).sum()
+print(f"{power_of_ten:.1f}")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+runs = basins["runs"].to_numpy()
+print("right" if abs(power_of_ten - runs @ np.log10(runs / runs.sum())) < 1 else "not yet")
 
 # %% [markdown]
-# **3.** Suppose that all settings were right. How probable is it (to 0.01) that at least one is excluded, if one p of
-# each is compared with 1 %?
+# **3.** Suppose that all settings were right. How probable is it (`one_excluded`, to 0.01) that at least one is
+# excluded, if one p of each of the `len(judged)` is compared with 1 %?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 one_excluded = 1 - 0.99 ** len(judged)
-assert 0 < one_excluded < 1
 print(f"{one_excluded:.2f}")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if np.isclose(1 - one_excluded, 0.99 ** len(judged), atol=0.01) else "not yet")
 
 # %% [markdown]
 # **What you have learnt**: a seed fixes a run only with its library; settings can be excluded by the tables that they

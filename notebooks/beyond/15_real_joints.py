@@ -2,7 +2,7 @@
 # # 15 · Logs of real joints
 #
 # *You will give the sensor public logs of real joints, and see what their torque says of the gears.
-# Run time: 12 s. Before this: notebook [11](11_your_own_joint.ipynb).*
+# Reading time: 4 min. Run time: 12 s. Before this: notebook [11](11_your_own_joint.ipynb).*
 #
 # ## Claim
 #
@@ -118,10 +118,10 @@ reasons = "; ".join(
 )
 joints = chosen["joint"].nunique()
 workbook.verdict(
-    f"Of {len(chosen)} logs of {joints} joints {refused} are refused ({reasons}), {counts.get('backlash', 0)} are "
-    f"called a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for the sensor or against "
-    "it: a positive test needs a joint of known play, loaded by gravity, that turns round twelve times at constant "
-    "speed, with speed and torque logged at 500 Hz."
+    f"Of {len(chosen)} logs of {joints} joints the sensor refuses {refused} ({reasons}), calls "
+    f"{counts.get('backlash', 0)} a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for "
+    "the sensor or against it: a positive test needs a joint of known play, loaded by gravity, that turns round "
+    "twelve times at constant speed, with speed and torque logged at 500 Hz."
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -136,33 +136,44 @@ workbook.export()
 #
 # ## Exercises
 #
-# **1.** No alarm on $n$ independent joints that were all answered: how large may the rate of false
-# alarms still be (two-sided, 95 %)? What does it say of the joints above?
+# Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
-# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-highest = 1 - 0.025 ** (1 / joints)
-assert abs(highest - stats.binomtest(0, joints).proportion_ci().high) < 1e-9
-print(f"up to {100 * highest:.0f} % for {joints} joints; of those that were refused, nothing")
+# %%
+highest_percent = sure = half_play_mrad = float("nan")  # your answers
 
 # %% [markdown]
-# **2.** The loss $\ell$ of a log has the SD `loss_sd`. Which logs have a loss that differs from 0 by
-# more than 3 SDs, and why may it still not be a loss where it is negative?
+# **1.** No alarm on `joints` independent joints that were all answered: how large may the rate of
+# false alarms still be (`highest_percent`, two-sided, 95 %)? What does it say of the joints above?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-sure = rigid[(rigid["loss"] / rigid["loss_sd"]).abs() > 3]
-assert len(sure) < len(rigid)
-print(
-    *sure.index, sep="; "
-)  # a gear gains no torque: something else changes its sign with the speed
+highest_percent = 100 * (1 - 0.025 ** (1 / joints))
+print(f"up to {highest_percent:.0f} %; of joints that were refused it says nothing")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+high = stats.binomtest(0, joints).proportion_ci().high
+print("right" if abs(highest_percent - 100 * high) < 1 else "not yet")
 
 # %% [markdown]
-# **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. What is $\delta$ in
-# mrad, at most (to 1 %)?
+# **2.** The loss $\ell$ of a log has the SD `loss_sd`. How many logs (`sure`) have a loss that
+# differs from 0 by more than 3 SDs, and why may it still not be a loss where it is negative?
+
+# %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
+sure = sum((rigid["loss"] / rigid["loss_sd"]).abs() > 3)
+print(f"{sure}; a gear gains no torque: something else changes its sign with the speed")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if sure == len(rigid.query("abs(loss) > 3 * loss_sd")) else "not yet")
+
+# %% [markdown]
+# **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. How large is $\delta$ at
+# most (`half_play_mrad`, to 1 %)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 half_play_mrad = 1e3 * (0.15 * 3.14159 / 180) / 2
-assert abs(half_play_mrad / 1.309 - 1) < 0.01
 print(f"{half_play_mrad:.2f} mrad")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
+print("right" if abs(half_play_mrad - 1.309) < 0.013 else "not yet")
 
 # %% [markdown]
 # **What you have learnt**: a sensor can only be tested on logs that it could judge.

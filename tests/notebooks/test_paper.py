@@ -33,11 +33,17 @@ def test_a_small_population_misses_the_lowest_misfit_more_often_and_the_verdict_
         ("01", {"changes": {"G/J_l": 0.0}}),
         ("03", {"changes": {"G/J_l": 0.0}}),
         ("03", {"changes": {"K_p": 50.0}}),
+        ("03", {"changes": {"Omega": 0.0}}),
+        ("04", {"changes": {"N": 0.0}}),
         ("04", {"changes": {"J_m": 0.0}}),
         ("04", {"changes": {"G": 0.0}}),
         ("05", {"cost": lambda residual: 0.0}),
         ("05", {"cost": lambda one, two, three, four: one}),
-        ("05", {"more_bounds": [(1.0,)]}),
+        ("05", {"cost": lambda residual: None}),
+        ("05", {"cost": max}),
+        ("05", {"more_bounds": {"beat": (1.0,)}}),
+        ("05", {"more_bounds": [(1.0, 2.0)]}),
+        ("05", {"more_bounds": 5}),
     ],
 )
 def test_a_natural_mistake_ends_in_one_line_that_names_the_parameter(
@@ -65,7 +71,7 @@ def test_a_joint_with_another_gear_is_not_compared_and_no_number_is_given(run_no
 
 
 def test_a_parameter_that_the_signature_does_not_use_changes_nothing(run_notebook):
-    _, verdict, _ = run_notebook("05", more_bounds=[(0.0, 1.0)])
+    _, verdict, _ = run_notebook("05", more_bounds={"beat": (0.0, 1.0)})
     times = float(re.search(r"(\d\.\d\d) times as much", verdict).group(1))
     assert times == pytest.approx(1, abs=0.01) or "one search alone" in verdict
 
