@@ -9,7 +9,7 @@ import nbformat
 import pytest
 
 from workbook import ROOT
-from workbook.checkout import notebook_files
+from workbook.outcomes import notebook_files
 
 SOURCES = notebook_files("py")
 HEADINGS = ["Claim", "Method", "Parameters", "Result", "Verdict", "Try changing", "Exercises"]
