@@ -136,8 +136,11 @@ def verdicts(results: Path) -> pd.DataFrame:
     cells = published.cells().index
     ours = pd.DataFrame({"numbers": np.nan, "notebook": ""}, cells, dtype=object)
     ours["source"] = [source_of(cell) for cell in cells]
-    made = exported(results, "cells", ["id", "source", "numbers"])
-    ours.update(made.set_index("id", verify_integrity=True))
+    made = exported(results, "cells", ["id", "source", "numbers"]).set_index("id")
+    if not made.index.is_unique:
+        twice = made.index[made.index.duplicated()]
+        raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
+    ours.update(made)
     ours.update(pd.Series(published.derived_numbers(), name="numbers", dtype=object))
     return judge_rows(ours.reset_index())
 
@@ -145,7 +148,8 @@ def verdicts(results: Path) -> pd.DataFrame:
 def decide(claims: pd.DataFrame) -> pd.DataFrame:
     """Decisions on claims, of rows with `holds`, as verdicts in words."""
     verdict = [CLAIM_VERDICTS[holds] for holds in claims.get("holds", [])]
-    return claims.drop(columns="holds", errors="ignore").assign(verdict=verdict)
+    decided = claims.drop(columns="holds", errors="ignore")
+    return decided.assign(verdict=np.array(verdict, dtype=object))
 
 
 def decided_claims(results: Path) -> pd.DataFrame:
