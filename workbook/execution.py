@@ -49,7 +49,7 @@ def run(source: Path) -> str:
         The source is none, or its `.ipynb` was edited.
     """
     project = find_project(source)
-    _check_pair(source)
+    refuse_edited(source)
     name, start = source.stem, time.monotonic()
     where = ""
     try:
@@ -73,8 +73,8 @@ def find_project(source: Path) -> Path:
     return folders[0]
 
 
-def _check_pair(source: Path) -> None:
-    """Refuse to overwrite an `.ipynb` that was edited after its source."""
+def refuse_edited(source: Path) -> None:
+    """Refuse to overwrite an `.ipynb` whose cells were edited after its source."""
     executed = source.with_suffix(".ipynb")
     if not executed.exists() or executed.stat().st_mtime_ns < source.stat().st_mtime_ns:
         return
