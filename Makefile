@@ -49,10 +49,10 @@ book: .venv/.installed  ## the report and the notebooks as a book with a search:
 	$(PY) -m sphinx --quiet --jobs 2 --conf-dir workbook --doctree-dir .make/doctrees . .make/book
 	rm -rf results/book && cp -r .make/book results/book
 
-bench: .venv/.installed  ## time what was made fast against a direct arm, into results/bench.csv
+bench: .venv/.studies  ## time what was made fast against a direct arm, into results/bench.csv
 	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
 
-studies: .venv/.installed  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
+studies: .venv/.studies  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
 	$(STUDY) $(or $(NAME),--help)
 
 # NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
@@ -76,7 +76,7 @@ lint: .venv/.lint  ## style, format, types and spelling
 audit: .venv/.lock  ## known vulnerabilities of the locked versions
 	PATH="$$PATH:.venv/bin" uv tool run pip-audit --requirement requirements.lock --disable-pip
 
-GROUPS := workbook test slow lint lab lock
+GROUPS := workbook studies test slow lint lab lock
 lock: .venv/.lock  ## pin the newest versions that pyproject.toml allows
 	PATH="$$PATH:.venv/bin" uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --all-extras \
 	  $(GROUPS:%=--group %) --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock

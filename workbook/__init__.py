@@ -4,7 +4,7 @@ import pandas as pd
 
 from replication.records import ROOT
 from workbook.animation import flipbook
-from workbook.comparison import judge, verdict
+from workbook.judging import judge, verdict
 from workbook.outcomes import export, show_figure
 from workbook.parameters import Interval, ParameterError, check_parameters, explain, sliders
 

@@ -7,33 +7,24 @@ import argparse
 import os
 import sys
 from pathlib import Path
-from typing import NoReturn
 
 from replication.records import ROOT, UserError, write_json
-from workbook.checkout import OFFLINE, RESULTS
-
-
-class OneLineParser(argparse.ArgumentParser):
-    """A parser that says in one line what is wrong with its arguments."""
-
-    def error(self, message: str) -> NoReturn:
-        """Exit with 2."""
-        self.exit(2, f"{self.prog}: {message}; see --help\n")
+from workbook.outcomes import RESULTS
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return the exit status: 0 done, 2 the input is not usable, 1 anything else."""
-    parser = OneLineParser(prog="python -m workbook", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, report, check, verify, lab, data):
         made = commands.add_parser(command.__name__, help=command.__doc__)
         made.set_defaults(command=command)
         if command is run:
             made.add_argument("notebook", type=Path, help="a notebook's .py source")
-    options = parser.parse_args(arguments)
+    options = vars(parser.parse_args(arguments))
     try:
         find_folders()
-        status = options.command(options)
+        status = options.pop("command")(**options)
         print(end="", flush=True)
         return status
     except UserError as error:
@@ -58,52 +49,54 @@ def find_folders() -> None:
             os.environ[variable] = str(folder)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(notebook: Path) -> int:
     """Execute a notebook and put what it makes in place."""
-    # jsonschema makes a grammar of web addresses of it, in 2 s of every start; no notebook is checked for them.
+    # Where JupyterLab is installed, jsonschema makes a grammar of web addresses of it, in 3 s of every start.
     sys.modules["rfc3987_syntax"] = None  # type: ignore[assignment]
     from workbook import execution
 
     if "MAKE_PID" in os.environ:
         execution.end_with(int(os.environ["MAKE_PID"]))
-    print(execution.run(options.notebook), flush=True)
+    print(execution.run(notebook), flush=True)
     return 0
 
 
-def report(_: argparse.Namespace) -> int:
+def report() -> int:
     """Write the verdicts, report.md, what the results are made from, and the status in README.md."""
     from workbook.provenance import provenance
-    from workbook.report import update_readme, write_report
+    from workbook.report import write_report
 
-    for results in (RESULTS, OFFLINE / "results"):
-        if (results / "outcomes").is_dir():
-            print(write_report(results))
-    update_readme(ROOT / "README.md", RESULTS)
+    print(write_report(RESULTS, ROOT / "README.md"))
+    offline = RESULTS / "offline" / "results"  # of notebooks that ran without the authors' files
+    if (offline / "outcomes").is_dir():
+        print(write_report(offline))
     write_json(RESULTS / "provenance.json", provenance())
     return 0
 
 
-def check(_: argparse.Namespace) -> int:
+def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
     from workbook import judging, report
 
     verdicts = judging.verdicts(RESULTS)
-    new, gone = report.find_surprises(verdicts)
-    print("\n".join([report.list_numbers(verdicts), *new, *gone]))
-    return int(bool(new))
+    print(report.list_numbers(verdicts))
+    surprises = report.find_surprises(verdicts)
+    for cell in surprises:
+        print(f"{cell}: differs, which is not expected")
+    return int(bool(surprises))
 
 
-def verify(_: argparse.Namespace) -> int:
+def verify() -> int:
     """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
-    from workbook.report import write_manifest
+    from workbook.provenance import manifest
 
     path = ROOT / "verification.json"
-    write_manifest(RESULTS, path)
+    write_json(path, manifest(RESULTS))
     print(path)
     return 0
 
 
-def lab(_: argparse.Namespace) -> int:
+def lab() -> int:
     """Copy the notebooks to lab/ for changes."""
     from workbook.lab import copy_notebooks
 
@@ -112,7 +105,7 @@ def lab(_: argparse.Namespace) -> int:
     return 0
 
 
-def data(_: argparse.Namespace) -> int:
+def data() -> int:
     """Fetch and verify the authors' files."""
     from replication.records import AUTHORS_FILES, authors_file
 

@@ -5,10 +5,10 @@ import io
 import json
 from collections.abc import Callable
 from string import Template
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from matplotlib import pyplot as plt
-from matplotlib.figure import Figure
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # No element has an id: two of them may lie in one page.
 PLAYER = Template("""<div><img alt="$words" style="max-width: 100%" src="$picture"><br>
@@ -46,9 +46,11 @@ class Flipbook(NamedTuple):
 
 
 def flipbook(
-    draw: Callable[[Figure, int], None], count: int, words: str, first: int = 0
+    draw: Callable[["Figure", int], None], count: int, words: str, first: int = 0
 ) -> Flipbook:
     """Draw pictures 0 to count - 1, each on an empty figure by `draw(figure, k)`; `words` for who does not see them."""
+    from matplotlib import pyplot as plt  # slow to import, and not every command draws
+
     figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
     pictures, png = [], io.BytesIO()
     for k in range(count):

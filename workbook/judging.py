@@ -19,11 +19,20 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.records import write_csv
-from replication.table2 import prediction_interval
-from workbook.outcomes import Numbers, load_outcomes, source_of
+from replication.records import records_are_simulated, write_csv
+from workbook.outcomes import (
+    OUTPUT_FOLDER,
+    RESULTS,
+    Cells,
+    Claims,
+    Numbers,
+    Sentence,
+    cell_rows,
+    claim_rows,
+    load_outcomes,
+    source_of,
+)
 
-Outcomes = Mapping[str, Mapping[str, Any]]  # by notebook
 VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
 VERDICT_COLUMNS += ["source", "resolution", "reason", "notebook"]
 AGREEMENTS = ("agrees", "differs", "not tested")
@@ -42,16 +51,12 @@ CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
     """Rule 2: the numbers that agree with ours."""
     if isinstance(numbers, Mapping):
+        from replication.table2 import prediction_interval  # with the search, slow to import
+
         return prediction_interval([*chain(*numbers.values())])
     tolerance = published.tolerance(cell)
     is_bound = published.cells().loc[cell, "kind"] == "bound"
     return numbers - tolerance, math.inf if is_bound else numbers + tolerance
-
-
-def agrees(cell: str, numbers: Numbers) -> bool:
-    """Rule 3: whether a printed number lies in the interval."""
-    low, high = interval(cell, numbers)
-    return low <= published.value(cell) <= high
 
 
 def resolution(cell: str, ours: float, low: float, high: float) -> str:
@@ -113,35 +118,38 @@ def _judge(cell: str, source: str, numbers: Numbers) -> dict[str, Any]:
     }
 
 
-def exported_cells(outcomes: Outcomes) -> pd.DataFrame:
-    """Our numbers, as `judge_rows` takes them."""
-    rows = [row | {"notebook": name} for name, each in outcomes.items() for row in each["cells"]]
-    return pd.DataFrame(rows, columns=["id", "source", "numbers", "notebook"], dtype=object)
+def exported(results: Path, what: str, columns: list[str]) -> pd.DataFrame:
+    """Rows of "cells" or "claims" that the notebooks exported, with the notebook's name."""
+    outcomes = load_outcomes(results)
+    rows = [row | {"notebook": name} for name, each in outcomes.items() for row in each[what]]
+    return pd.DataFrame(rows, columns=[*columns, "notebook"], dtype=object)
 
 
 def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed number in the paper's order, by the notebooks' outcomes and the paper's own numbers."""
-    ours = exported_cells(load_outcomes(results))
-    if ours["id"].duplicated().any():
-        twice = ours.loc[ours["id"].duplicated(), "id"].unique()
+    """Judge every printed number in the paper's order, by the notebooks' outcomes and the paper's own numbers.
+
+    Raises
+    ------
+    ValueError
+        Two notebooks export the same number.
+    """
+    cells = published.cells().index
+    ours = pd.DataFrame({"numbers": np.nan, "notebook": ""}, cells, dtype=object)
+    ours["source"] = [source_of(cell) for cell in cells]
+    made = exported(results, "cells", ["id", "source", "numbers"]).set_index("id")
+    if not made.index.is_unique:
+        twice = made.index[made.index.duplicated()]
         raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
-    ours = ours.set_index("id").reindex(published.cells().index)
-    missing = ours["source"].isna()
-    ours.loc[missing, "source"] = [source_of(cell) for cell in ours.index[missing]]
-    ours.loc[missing, "notebook"] = ""
-    for cell, number in published.derived_numbers().items():
-        ours.at[cell, "numbers"] = number
+    ours.update(made)
+    ours.update(pd.Series(published.derived_numbers(), name="numbers", dtype=object))
     return judge_rows(ours.reset_index())
 
 
-def decide_claims(outcomes: Outcomes) -> pd.DataFrame:
-    """Decisions on the claims: `id, verdict, measured, notebook`."""
-    rows = [
-        {**row, "verdict": CLAIM_VERDICTS[row["holds"]], "notebook": name}
-        for name, each in outcomes.items()
-        for row in each["claims"]
-    ]
-    return pd.DataFrame(rows, columns=["id", "verdict", "measured", "notebook"])
+def decide(claims: pd.DataFrame) -> pd.DataFrame:
+    """Decisions on claims, of rows with `holds`, as verdicts in words."""
+    verdict = [CLAIM_VERDICTS[holds] for holds in claims.get("holds", [])]
+    decided = claims.drop(columns="holds", errors="ignore")
+    return decided.assign(verdict=np.array(verdict, dtype=object))
 
 
 def decided_claims(results: Path) -> pd.DataFrame:
@@ -150,15 +158,62 @@ def decided_claims(results: Path) -> pd.DataFrame:
     Of a claim that no notebook can decide, `claims.csv` says why: it is undecided.
     """
     claims = published.table("claims").reset_index()[["id", "claim", "section", "untested"]]
-    table = claims.merge(decide_claims(load_outcomes(results)), on="id", how="left")
+    decisions = decide(exported(results, "claims", ["id", "holds", "measured"]))
+    table = claims.merge(decisions, on="id", how="left")
     untested = table.pop("untested").replace("", "no notebook decided it")
     table["measured"] = table["measured"].fillna(untested)
-    return table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""})
+    table = table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""})
+    return table[["id", "claim", "section", "verdict", "measured", "notebook"]]
 
 
-def collect(results: Path) -> pd.DataFrame:
-    """Write `verdicts.csv` and `claims.csv` from the outcomes; return the verdicts."""
-    judged = verdicts(results)
+def collect(results: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Write `verdicts.csv` and `claims.csv` from the outcomes; return both."""
+    judged, claims = verdicts(results), decided_claims(results)
     write_csv(results / "verdicts.csv", judged)
-    write_csv(results / "claims.csv", decided_claims(results))
-    return judged
+    write_csv(results / "claims.csv", claims)
+    return judged, claims
+
+
+def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
+    """Compare our numbers and decisions, as `workbook.export` takes them, with the printed ones.
+
+    Returns
+    -------
+    DataFrame
+        A row a number or claim: id; the printed number; ours, of realisations their median; the
+        interval that a printed number must lie in to agree; the committed number, which is ours
+        where this run makes what is committed; and the verdict.
+    """
+    numbers = judge_rows(pd.DataFrame(cell_rows(cells or {})).assign(notebook=""))
+    decisions = decide(pd.DataFrame(claim_rows(claims or {})))
+    table = pd.concat(
+        [
+            numbers.rename(columns={"reproduced": "ours", "agreement": "verdict"}).astype(object),
+            decisions.rename(columns={"measured": "ours"}).astype(object),
+        ]
+    )
+    table["committed"] = table["ours"]
+    if records_are_simulated() or not OUTPUT_FOLDER:
+        kept = pd.read_csv(RESULTS / "verdicts.csv", index_col="id")["reproduced"]
+        claimed = pd.read_csv(RESULTS / "claims.csv", index_col="id")["measured"]
+        table["committed"] = table["id"].map(pd.concat([kept.astype(object), claimed]))
+    shown = ["printed", "ours", "low", "high", "committed", "verdict"]
+    table = table.set_index("id")[shown].fillna("")
+    return table.map(lambda value: f"{value:.5g}" if isinstance(value, float) else str(value))
+
+
+def verdict(text: str, cells: Cells | None = None, claims: Claims | None = None) -> None:
+    """Show how this run's numbers compare, as `judge` does, and a sentence on them.
+
+    Parameters
+    ----------
+    text : str
+        A sentence in Markdown, made of this run's numbers alone.
+    cells, claims : mappings
+        As `workbook.export` takes them.
+    """
+    from IPython.display import display
+
+    if cells or claims:
+        display(judge(cells, claims))
+    display(Sentence(text))

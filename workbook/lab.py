@@ -7,7 +7,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.records import ROOT, write_text
-from workbook.checkout import NOTEBOOKS, notebook_files
+from workbook.outcomes import NOTEBOOKS, notebook_files
 
 LAB = ROOT / "lab"
 # JupyterLab is not to ask for news and updates.

@@ -1,7 +1,7 @@
-"""What a notebook exports, and how it is read again: its tables and figures, and one outcome.
+"""What a notebook shows and exports: figures, its verdict, its tables, and one outcome, which is read again here.
 
 The outcome, `results/outcomes/NAME.json`, holds numbers of printed cells ("cells"), decisions on
-claims ("claims"), numbers for texts ("facts") and the captions of "figures". `python -m workbook run`
+claims ("claims") and numbers for texts ("facts"). `python -m workbook run`
 names the folder by the environment variable REPLICATION_OUT; a notebook that is run by hand writes
 nothing.
 """
@@ -17,8 +17,14 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.records import FLOAT_FORMAT, records_are_simulated, write_csv, write_json
-from workbook.checkout import notebook_files
+from replication.records import (
+    FLOAT_FORMAT,
+    ROOT,
+    UserError,
+    records_are_simulated,
+    write_csv,
+    write_json,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,8 +34,14 @@ Cells = Mapping[str, Numbers]
 Claims = Mapping[str, tuple[bool | None, str]]
 Facts = Mapping[str, str | int | tuple[Any, str]]
 
+NOTEBOOKS, RESULTS = ROOT / "notebooks", ROOT / "results"
 OUTPUT_FOLDER = os.environ.get("REPLICATION_OUT", "")
-_figures: dict[str, dict[str, str]] = {}  # of the notebook that runs, for its outcome
+
+
+def notebook_files(ending: str) -> dict[str, Path]:
+    """Files of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
+    files = [*NOTEBOOKS.glob(f"[0-9]*.{ending}"), *NOTEBOOKS.glob(f"beyond/[0-9]*.{ending}")]
+    return {path.stem: path for path in sorted(files, key=lambda path: path.name)}
 
 
 class Sentence(str):
@@ -69,12 +81,8 @@ def export(
         write_csv(results / f"{name}.csv", table)
     outcome = {
         "cells": cell_rows(cells or {}),
-        "claims": [
-            {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
-            for claim, (holds, measured) in (claims or {}).items()
-        ],
+        "claims": claim_rows(claims or {}),
         "facts": _fact_texts(facts or {}),
-        "figures": _figures,
     }
     write_json(results / "outcomes" / f"{os.environ['REPLICATION_NOTEBOOK']}.json", outcome)
 
@@ -95,7 +103,6 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
     if OUTPUT_FOLDER:
         mark = "simulated records" if records_are_simulated() else ""
         figures.save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
-        _figures[name] = {"caption": caption, "axes": figures.description(figure)}
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
@@ -103,6 +110,14 @@ def cell_rows(cells: Cells) -> list[dict[str, Any]]:
     return [
         {"id": cell, "source": source_of(cell), "numbers": _round_to_six_digits(numbers)}
         for cell, numbers in cells.items()
+    ]
+
+
+def claim_rows(claims: Claims) -> list[dict[str, Any]]:
+    """Decisions by claim as rows."""
+    return [
+        {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
+        for claim, (holds, measured) in claims.items()
     ]
 
 
@@ -121,12 +136,13 @@ def _round_to_six_digits(numbers: Numbers) -> float | dict[str, list[float]]:
 
 
 def _fact_texts(facts: Facts) -> dict[str, str]:
+    """Facts as the report writes them."""
     texts = {}
     for name, fact in facts.items():
-        if not isinstance(fact, tuple):
-            texts[name] = str(fact)
+        given, form = fact if isinstance(fact, tuple) else (fact, "")
+        if isinstance(given, str):
+            texts[name] = given
             continue
-        given, form = fact
         numbers = [number for number in np.ravel(given) if not math.isnan(number)]
         if numbers and np.ndim(given):
             texts[f"{name}_low"] = format(min(numbers), form)
@@ -138,9 +154,15 @@ def _fact_texts(facts: Facts) -> dict[str, str]:
 
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
-    empty: dict[str, Any] = {"cells": [], "claims": [], "facts": {}, "figures": {}}
-    return {
-        file.stem: empty | json.loads(file.read_text(encoding="utf-8"))
-        for file in sorted((results / "outcomes").glob("*.json"))
-        if file.stem in notebook_files("py")
-    }
+    outcomes = {}
+    for name, source in notebook_files("py").items():
+        file = results / "outcomes" / f"{name}.json"
+        if file.exists():
+            try:
+                outcomes[name] = json.loads(file.read_text(encoding="utf-8"))
+            except ValueError as error:
+                again = f"python -m workbook run {source.relative_to(ROOT)} makes it again"
+                raise UserError(
+                    f"{file}: not the outcome of a notebook ({error}); {again}"
+                ) from error
+    return outcomes

@@ -1,17 +1,21 @@
-"""What the results are made from: versions, SHA-256 of the authors' files, seeds."""
+"""What the results are made from: versions, SHA-256 of the authors' files, seeds; and what a rerun of them says."""
 
-import ast
+import hashlib
+import platform
+import re
 import sys
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jupytext
+from llvmlite import binding
 
 from replication.records import AUTHORS_FILES, authors_checksums
-from workbook.checkout import notebook_files
+from workbook import judging
+from workbook.outcomes import notebook_files
 
-PACKAGES = ("cma", "joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas", "scipy")
+PACKAGES = ("joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas", "scipy")
 
 
 def provenance() -> dict[str, Any]:
@@ -27,15 +31,19 @@ def provenance() -> dict[str, Any]:
 
 def seeds(source: Path) -> dict[str, str]:
     """Seeds that a notebook's parameters give, as they are written there."""
-    tagged = [
-        cell.source
-        for cell in jupytext.read(source).cells
-        if "parameters" in cell.metadata.get("tags", [])
-    ]
-    return {
-        target.id: ast.unparse(node.value)
-        for node in ast.parse("\n".join(tagged)).body
-        if isinstance(node, ast.Assign)
-        for target in node.targets
-        if isinstance(target, ast.Name) and target.id.endswith(("seed", "seeds"))
+    cells = jupytext.read(source).cells
+    tagged = [cell.source for cell in cells if "parameters" in cell.metadata.get("tags", [])]
+    return dict(re.findall(r"^(\w*seeds?) = (.+?)(?:  #.*)?$", "\n".join(tagged), re.MULTILINE))
+
+
+def manifest(results: Path) -> dict[str, Any]:
+    """What a reader can send back: versions, processor, hashes of the results, the verdicts."""
+    verdicts = judging.verdicts(results)
+    files = sorted([*results.glob("*.csv"), results / "report.md"])
+    return provenance() | {
+        "system": f"{platform.platform()}, Python {platform.python_version()}",
+        "processor": binding.get_host_cpu_name(),
+        "results": {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files},
+        "verdicts": verdicts["agreement"].value_counts().to_dict(),
+        "differs": verdicts.loc[verdicts["agreement"] == "differs", "id"].tolist(),
     }

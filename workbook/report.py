@@ -1,12 +1,10 @@
-"""The report: one template with the results' numbers filled in, `make check`, and the manifest of `make verify`."""
+"""The report: one template with the results' numbers filled in; and the list of `make check`."""
 
-import hashlib
+import html
 import math
-import platform
 import re
-from collections.abc import Mapping
+from collections import ChainMap
 from decimal import Decimal, InvalidOperation
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,36 +13,15 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.records import ROOT, write_json, write_text
+from replication.records import write_text
 from workbook import evidence, judging
-from workbook.outcomes import load_outcomes
+from workbook.outcomes import RESULTS, load_outcomes
 
 TEMPLATE = Path(__file__).with_name("report.md.j2")
 STATUS = re.compile(r"(<!-- status: begin -->\n).*(<!-- status: end -->)", re.DOTALL)
-WORDS = ("none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-GREEK = {
-    "alpha": "α",
-    "delta": "δ",
-    "lambda": "λ",
-    "mu": "μ",
-    "omega": "ω",
-    "pi": "π",
-    "sigma": "σ",
-}
-GREEK |= {"tau": "τ", "dtheta": "Δθ"}
-LETTER = re.compile(rf"\b({'|'.join(GREEK)})(?=\b|_)")
+GREEK = re.compile(r"\b(alpha|delta|lambda|mu|omega|pi|sigma|tau)(?=\b|_)")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
-PACKAGES = ("numpy", "scipy", "numba", "pandas", "matplotlib")
-
-
-class Facts(dict):
-    """Numbers that notebooks export for the text, by name; without one of them a sentence is left out."""
-
-    def has(self, *names: str) -> bool:
-        """Whether all of some facts are there."""
-        return set(names) <= set(self)
-
 
 # ------------------------------------------------------------------------------------------------- numbers in words
 
@@ -65,7 +42,7 @@ def like_printed(value: float, printed: str) -> str:
 
 def typeset(text: object) -> str:
     """Write powers of ten as 5.9·10⁻⁶ or 10⁵, Greek letters and a minus sign before a number as such."""
-    text = LETTER.sub(lambda letter: GREEK[letter[1]], str(text))
+    text = html.unescape(GREEK.sub(r"&\1;", str(text))).replace("dtheta", "Δθ")
     raised = POWER.sub(lambda e: f"{e[1]}·10{str(int(e[2])).translate(RAISED)}", text)
     raised = re.sub(r"(?<![\d.])1·10", "10", raised)
     return re.sub(r"(?<![\w)\]])-(?=[\d.])", "−", raised)
@@ -75,11 +52,6 @@ def span(numbers: Any, form: str) -> str:
     """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike."""
     low, high = (format(end, form) for end in (np.min(numbers), np.max(numbers)))
     return low if low == high else f"{low} to {high}"
-
-
-def word(count: int) -> str:
-    """Write a small count in words."""
-    return WORDS[count] if count < len(WORDS) else str(count)
 
 
 # ------------------------------------------------------------------------------------------------ what the text has
@@ -131,9 +103,9 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
     }
 
 
-def describe_hardware(results: Path) -> dict[str, Any]:
+def describe_hardware() -> dict[str, Any]:
     """What the sensor says of public logs of real joints: how many, how many refused, and why most of them."""
-    logs = pd.read_csv(results / "hardware.csv")
+    logs = pd.read_csv(RESULTS / "hardware.csv")
     refused = logs[logs["verdict"] == "cannot tell"]
     reasons = refused["reason"].value_counts()
     return {
@@ -145,15 +117,13 @@ def describe_hardware(results: Path) -> dict[str, Any]:
 
 
 def describe(results: Path) -> dict[str, Any]:
-    """Everything that the template names."""
-    cells = describe_cells(judging.collect(results))
-    facts = Facts()
-    for outcome in load_outcomes(results).values():
-        facts |= outcome["facts"]
+    """Write the verdicts and the claims of a results folder; return everything that the template names."""
+    verdicts, claims = judging.collect(results)
+    cells = describe_cells(verdicts)
     by_element = count_by(cells, "element")
     by_element.loc["all"] = by_element.sum()
     return {
-        "f": facts,
+        "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
         "cells": cells.to_dict("records"),
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.set_index("id").to_dict("index"),
@@ -161,11 +131,9 @@ def describe(results: Path) -> dict[str, Any]:
         "by_source": count_by(cells, "source"),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
-        "evidence": evidence.table2_evidence(
-            table2.read_realisations(ROOT / "results" / "table2_realisations.csv")
-        ),
-        "hardware": describe_hardware(ROOT / "results"),
-        "claims": judging.decided_claims(results).set_index("id"),
+        "evidence": evidence.table2_evidence(table2.read_realisations()),
+        "hardware": describe_hardware(),
+        "claims": claims.set_index("id"),
         "populations": [settings.population for settings in table2.SETTINGS],
         "changed": (published.table("claims")["changed"] == "yes").sum(),
         "errata": published.table("errata").reset_index().to_dict("records"),
@@ -176,30 +144,32 @@ def describe(results: Path) -> dict[str, Any]:
 # ---------------------------------------------------------------------------------------------------------- writing
 
 
-def _load_template() -> jinja2.Template:
-    loader = jinja2.FileSystemLoader(TEMPLATE.parent)
+def load_template() -> jinja2.Template:
+    """Load the report's template."""
     pages = jinja2.Environment(
-        loader=loader, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.FileSystemLoader(TEMPLATE.parent),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
     )
-    pages.filters.update(typeset=typeset, span=span, word=word)
+    pages.filters.update(typeset=typeset, span=span)
     return pages.get_template(TEMPLATE.name)
 
 
-def write_report(results: Path) -> Path:
-    """Write the verdicts, the claims and `report.md` of a results folder; return the report."""
-    text = _load_template().render(describe(results), up="../")
+def write_report(results: Path, readme: Path | None = None) -> Path:
+    """Write the verdicts, the claims and `report.md` of a results folder; return the report.
+
+    Its first section goes into a README, too, between the marks of the status.
+    """
+    template, described = load_template(), describe(results)
     path = results / "report.md"
-    write_text(path, text)
+    write_text(path, template.render(described, up="../"))
+    if readme:
+        context = template.new_context(described | {"up": ""})
+        status = "".join(template.blocks["status"](context)).strip()
+        text = readme.read_text(encoding="utf-8")
+        write_text(readme, STATUS.sub(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text))
     return path
-
-
-def update_readme(readme: Path, results: Path) -> None:
-    """Put the report's first section into the README, between the marks of the status."""
-    template = _load_template()
-    context = template.new_context(describe(results) | {"up": ""})
-    status = "".join(template.blocks["status"](context)).strip()
-    text = readme.read_text(encoding="utf-8")
-    write_text(readme, STATUS.sub(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text))
 
 
 def list_numbers(verdicts: pd.DataFrame) -> str:
@@ -210,37 +180,7 @@ def list_numbers(verdicts: pd.DataFrame) -> str:
     return f"{shown.to_string(index=False)}\n\n{len(verdicts)} printed numbers: {total}"
 
 
-def find_surprises(verdicts: pd.DataFrame) -> tuple[list[str], list[str]]:
-    """Numbers that differ and are no known difference of `cells.csv`; and known ones that no longer differ."""
-    known = published.cells()["known_difference"] != ""
-    differs = verdicts.set_index("id")["agreement"] == "differs"
-    tested = verdicts.set_index("id")["agreement"] != "not tested"
-    new = [f"{cell}: differs, which is not expected" for cell in differs.index[differs & ~known]]
-    gone = [f"{cell}: no longer differs" for cell in differs.index[tested & ~differs & known]]
-    return new, gone
-
-
-def write_manifest(results: Path, path: Path) -> None:
-    """Write what a reader can send back: versions, processor, hashes of the results, the verdicts."""
-    verdicts = judging.verdicts(results)
-    files = sorted([*results.glob("*.csv"), results / "report.md"])
-    hashes = {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
-    manifest: Mapping[str, Any] = {
-        "python": platform.python_version(),
-        "packages": {name: version(name) for name in PACKAGES},
-        "system": platform.platform(),
-        "processor": _processor(),
-        "results": hashes,
-        "verdicts": verdicts["agreement"].value_counts().to_dict(),
-        "differs": verdicts.loc[verdicts["agreement"] == "differs", "id"].tolist(),
-    }
-    write_json(path, dict(manifest))
-
-
-def _processor() -> str:
-    information = Path("/proc/cpuinfo")
-    if information.exists():
-        named = re.search(r"model name\s*:\s*(.+)", information.read_text(encoding="utf-8"))
-        if named:
-            return named[1]
-    return platform.processor() or platform.machine()
+def find_surprises(verdicts: pd.DataFrame) -> list[str]:
+    """Find the numbers that differ and are no known difference of `cells.csv`."""
+    differs = verdicts.loc[verdicts["agreement"] == "differs", "id"]
+    return [cell for cell in differs if not published.cells().loc[cell, "known_difference"]]

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from workbook import ROOT
-from workbook.checkout import notebook_files
+from workbook.outcomes import notebook_files
 
 pytestmark = pytest.mark.slow
 NOTEBOOKS = [*notebook_files("ipynb")]

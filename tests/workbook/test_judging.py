@@ -11,8 +11,7 @@ from scipy import stats
 import workbook
 from replication import published, table2
 from workbook import judging
-from workbook.checkout import RESULTS
-from workbook.outcomes import cell_rows, load_outcomes
+from workbook.outcomes import RESULTS, cell_rows, load_outcomes
 
 CELLS = published.cells()
 DERIVED = published.derived_numbers()

@@ -6,8 +6,9 @@ import pandas as pd
 import pytest
 
 import workbook
-from workbook import comparison, outcomes
-from workbook.checkout import RESULTS
+from replication.records import UserError
+from workbook import judging, outcomes
+from workbook.outcomes import RESULTS
 
 CELL = "equation10.A2"
 
@@ -26,7 +27,7 @@ def test_by_hand_a_changed_number_stands_beside_the_committed_one_and_loses_its_
 
 
 def test_a_run_that_makes_the_committed_numbers_shows_its_own_as_such(committed, monkeypatch):
-    monkeypatch.setattr(comparison, "OUTPUT_FOLDER", "somewhere")
+    monkeypatch.setattr(judging, "OUTPUT_FOLDER", "somewhere")
     table = workbook.judge({CELL: 1.3 * committed})
     assert table["committed"][CELL] == table["ours"][CELL]
     monkeypatch.setenv("BACKLASH_RECORDS", "simulated")  # which makes nothing that is committed
@@ -64,3 +65,12 @@ def test_by_hand_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     workbook.export(cells={CELL: 1.0}, tables={"small": pd.DataFrame({"x": [1]})})
     assert not list(tmp_path.rglob("*"))
+
+
+def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path):
+    file = tmp_path / "outcomes" / "06_characteristic_figure12.json"
+    file.parent.mkdir()
+    file.write_text('{"cells": [', "utf-8")
+    with pytest.raises(UserError, match=r"run notebooks/06_\w+\.py makes it again") as refused:
+        outcomes.load_outcomes(tmp_path)
+    assert str(file) in str(refused.value)
