@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.tables import Sheet
+from backlash.reading.tables import Table
 from backlash.reading.units import KNOWN, PER_TURN, SECONDS, split_unit, words_of
 from backlash.refusals import Refusal
 from replication.signature import FloatArray
@@ -115,35 +115,35 @@ class Columns:
         return ", ".join(parts)
 
 
-def choose_columns(sheet: Sheet, form: LogFormat) -> Columns:
+def choose_columns(table: Table, form: LogFormat) -> Columns:
     """Choose the columns of time, of speed or position, and of the torque; ask where several may be meant."""
-    columns = list(sheet.frame.columns)
-    filled = [column for column in columns if sheet.frame[column].notna().any()]
+    columns = list(table.frame.columns)
+    filled = [column for column in columns if table.frame[column].notna().any()]
     time = ""
     if not form.rate_hz:
-        time = given_column(columns, form.time) if form.time else _time_column(filled, sheet.frame)
+        time = given_column(columns, form.time) if form.time else _time_column(filled, table.frame)
     torque = given_column(columns, form.torque) if form.torque else ""
     given = form.speed or form.position
     if given:
         signal, is_position = given_column(columns, given), form.position is not None
     else:
         rest = [column for column in filled if column not in (time, torque)]
-        if all(map(str.isdigit, rest)) and (len(rest) != 1 or sheet.header_problem):
-            why = sheet.header_problem or f"{len(rest)} columns besides the time, without names"
+        if all(map(str.isdigit, rest)) and (len(rest) != 1 or table.header_problem):
+            why = table.header_problem or f"{len(rest)} columns besides the time, without names"
             raise Refusal(f"{why}; give --time and --speed by number, and --unit")
         signal, is_position = _signal_column(rest)
     if signal in (time, torque) or time == torque != "":
         raise Refusal(
             f"time {time!r}, signal {signal!r} and torque {torque!r} cannot be one column"
         )
-    _refuse_other_stamps(sheet.frame, time, torque)
+    _refuse_other_stamps(table.frame, time, torque)
     is_links = form.gear_ratio == 1 or bool(words_of(signal) & {*KNOWN["sides"]["link"]})
     if is_links and form.gear_ratio not in (None, 1) and not given:
         problem = f"{signal!r} is the joint's side of the gear by its name"
         cure = "--speed or --position with the motor's column, or --gear-ratio 1"
         raise Refusal(f"{problem}, --gear-ratio {form.gear_ratio:g} needs the motor's; give {cure}")
     unit = _unit_of(signal, is_position, form)
-    return Columns(time, "", signal, unit, is_position, torque, sheet.name, is_links)
+    return Columns(time, "", signal, unit, is_position, torque, table.sheet, is_links)
 
 
 def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:

@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from backlash.reading import UNITS, clock
 from backlash.reading.columns import Columns, LogFormat, choose_columns, numbers
-from backlash.reading.sources import Source, Table, read_source
+from backlash.reading.sources import read_source
 from backlash.reading.units import PER_TURN
 from backlash.refusals import Reason, Refusal
 from replication.records import Recording
@@ -34,12 +34,14 @@ _LEAST_VALUES = 16  # of a signal that is not merely coarse
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Log(Source):
+class Log:
     """A log that was read: its record of constant speed, and what was said and assumed of it.
 
     Its recording's t [s] and v [rps] are the samples that an estimate uses.
     """
 
+    file: str  # what it is called in its answer
+    sha256: str | None = None  # of the file's bytes
     recording: Recording
     notes: tuple[str, ...] = ()
     form: LogFormat
@@ -54,16 +56,12 @@ def open_log(
     """Read and prepare a log, unless that was done before; see `read_source`."""
     if isinstance(source, Log):
         return source
-    return prepare(read_source(source, form, v, torque), form)
-
-
-def prepare(table: Table, form: LogFormat) -> Log:
-    """Prepare the record of a table."""
+    table = read_source(source, form, v, torque)
     columns = Columns()
     notes: list[str] = []
     try:
-        columns = choose_columns(table.sheet, form)
-        t, signals, columns = _read_signals(table.sheet.frame, columns, form, notes)
+        columns = choose_columns(table, form)
+        t, signals, columns = _read_signals(table.frame, columns, form, notes)
         t, signals = _evenly_sampled(t, signals, columns.is_position, form, notes)
         stretch = _constant_speed(t, signals[0], form, notes)
         t, signals = t[stretch], signals[:, stretch]

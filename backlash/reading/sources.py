@@ -8,7 +8,7 @@ import sys
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from os import PathLike
 from typing import IO
 
@@ -17,27 +17,12 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from backlash.reading.columns import LogFormat
-from backlash.reading.tables import CUT, MOST_BYTES, Sheet, read_table
+from backlash.reading.tables import CUT, MOST_BYTES, Table, read_table
 from backlash.refusals import Refusal
 
 STDIN = "-"
 MOST_TABLE_BYTES = 16 * 2**20  # of a table of logs or a calibration
 _STAMPS = (pd.DatetimeIndex, pd.TimedeltaIndex)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Source:
-    """What a log is called in its answer, and the SHA-256 of its file's bytes."""
-
-    file: str
-    sha256: str | None = None
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Table(Source):
-    """A log's columns."""
-
-    sheet: Sheet
 
 
 def name_of(source: object) -> str:
@@ -56,7 +41,7 @@ def read_source(
         index = source.index
         named = index.name or ("time" if isinstance(index, _STAMPS) else None)
         frame = source.rename_axis(named).reset_index(drop=named is None).rename(columns=str)
-        return Table(file=name, sheet=Sheet(frame))
+        return Table(frame, file=name)
     if v is None:
         raise Refusal(
             f"one {type(source).__name__} is no log: give time and speed as arrays of one length, or a pandas table, "
@@ -68,14 +53,14 @@ def read_source(
         frame = pd.DataFrame({column: np.asanyarray(each) for column, each in arrays if column})
     except ValueError as error:
         raise Refusal(f"{error}; give time, speed and torque of one length") from error
-    return Table(file=name, sheet=Sheet(frame))
+    return Table(frame, file=name)
 
 
 def _read_file(name: str, least: int) -> Table:
     with naming(name):
         content = read_bytes(name)
         sha256 = hashlib.sha256(content).hexdigest()
-        return Table(file=name, sha256=sha256, sheet=read_table(unpacked(content), least))
+        return replace(read_table(unpacked(content), least), file=name, sha256=sha256)
 
 
 @contextmanager

@@ -43,22 +43,24 @@ _Row: TypeAlias = tuple[int, list[str]]
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
-    """All columns of a file, by name or by number from 1; the index holds the file's rows."""
+class Table:
+    """All columns of a log, by name or by number from 1; the index holds the file's rows."""
 
     frame: pd.DataFrame
-    name: str = ""  # of a workbook's sheet, with those that were not read
+    sheet: str = ""  # of a workbook, with those that were not read
     header_problem: str = ""  # why the columns of a table with a header have no names
+    file: str = ""  # what the log is called in its answer
+    sha256: str | None = None  # of the file's bytes
 
 
-def read_table(content: bytes, least: int = 2) -> Sheet:
+def read_table(content: bytes, least: int = 2) -> Table:
     """Read a log's table, of `least` columns of numbers or more."""
     if not content:
         raise Refusal("the file is empty; export the log again")
     name = ""
     try:
         if content.startswith(b"PAR1"):
-            return Sheet(_read_parquet(content))
+            return Table(_read_parquet(content))
         if content.startswith(b"PK"):
             text, name = _workbook_text(content)
         else:
@@ -131,12 +133,14 @@ def decoded(content: bytes) -> str:
     return _SPACED_THOUSANDS.sub("", text.replace("\r\n", "\n").replace("\r", "\n"))
 
 
-def _read_text(text: str, sheet: str, least: int) -> Sheet:
+def _read_text(text: str, sheet: str, least: int) -> Table:
     """Find the table in a text, below its header."""
     head = text[:_HEAD]
     if len(text) > _HEAD:
         head = head[: head.rfind("\n") + 1]  # the last line goes on
-    delimiter, is_swapped, rows = _find_dialect(head, least)
+    delimiter, is_swapped = _find_dialect(head, least)
+    marks = _SWAPPED if is_swapped else {}
+    rows = _rows(head.translate(marks), delimiter)
     if is_swapped:
         _ask_about_commas(rows)
         text = text.translate(_SWAPPED)
@@ -157,7 +161,6 @@ def _read_text(text: str, sheet: str, least: int) -> Sheet:
         raise Refusal(f"not a table ({error}); export the log again") from error
     width = frame.shape[1]
     used = max(k + 1 for _, cells in rows[-_TAIL:] for k, cell in enumerate(cells[:width]) if cell)
-    marks = _SWAPPED if is_swapped else {}
     above = [[cell.translate(marks) for cell in cells] for _, cells in rows[:first]]
     names, problem = _header_names(above, used)
     names = [name or str(k + 1) for k, name in enumerate([*names, *[""] * width][:width])]
@@ -166,7 +169,7 @@ def _read_text(text: str, sheet: str, least: int) -> Sheet:
         name if count[name] == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)
     ]
     frame.index = frame.index + first_line + 1
-    return Sheet(frame, sheet, problem)
+    return Table(frame, sheet, problem)
 
 
 def _rows(text: str, delimiter: str) -> list[_Row]:
@@ -194,28 +197,29 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _find_dialect(head: str, least: int) -> tuple[str, bool, list[_Row]]:
-    """Delimiter, whether the decimal mark is a comma, and rows with points, that read most as numbers."""
+def _find_dialect(head: str, least: int) -> tuple[str, bool]:
+    """Delimiter, and whether the decimal mark is a comma, that read most of the last rows as numbers."""
+    tail = "\n".join(head.strip("\n").split("\n")[-_TAIL:])
     best = (0, 0)
-    found = None
+    dialect = "", False
     for is_swapped in (False, True):
-        text = head.translate(_SWAPPED) if is_swapped else head
+        text = tail.translate(_SWAPPED) if is_swapped else tail
         for delimiter in "\t;| " if is_swapped else "\t;|, ":
-            rows = _rows(text, delimiter)
             counts = [
-                (sum(map(_is_number, cells)), sum(map(bool, cells))) for _, cells in rows[-_TAIL:]
+                (sum(map(_is_number, cells)), sum(map(bool, cells)))
+                for _, cells in _rows(text, delimiter)
             ]
             enough = sum(numbers >= least for numbers, _ in counts)
             score = enough, sum(2 * numbers - filled for numbers, filled in counts)
-            if enough and (found is None or score > best):
-                best, found = score, (delimiter, is_swapped, rows)
-    if found is None:
-        last = head.strip("#%,;\t \n").rpartition("\n")[2]
+            if score > best:
+                best, dialect = score, (delimiter, is_swapped)
+    if best[0] == 0:
+        last = tail.strip("#%,;\t \n").rpartition("\n")[2]
         if not last:
             raise Refusal(f"nothing but blanks, or a first line above {_HEAD} characters")
         what = f"no rows with two numbers; its last line is {last.strip()[:60]!r}"
-        raise Refusal(f"{what}; export the log again, numbers without units")
-    return found
+        raise Refusal(f"{what}; export it again, numbers without units and marks of thousands")
+    return dialect
 
 
 def _first_row(rows: Sequence[_Row], least: int) -> int:

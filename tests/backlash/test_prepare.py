@@ -166,7 +166,9 @@ def test_a_torque_that_is_missing_for_some_rows_is_filled_and_that_is_noted():
     np.testing.assert_allclose(log.torque, TORQUE, atol=0.02)
     assert "left out 3 rows without I [A]" in log.notes
     torque[200:2200] = np.nan
-    assert "a gap of 4 s" in refusal(with_torque(torque), replace(TURN, torque="I [A]"))
+    with pytest.raises(Refusal, match=r"too short: 1\.0 load turns") as caught:
+        open_log(with_torque(torque), replace(TURN, torque="I [A]"))
+    assert "used what is between two gaps, from 4.400 to 4.800 s" in caught.value.notes[-1]
 
 
 @pytest.mark.parametrize("limits", [(-9.0, 4.2), (3.2, 9.0)])
