@@ -128,9 +128,9 @@ def choose_columns(table: Table, form: LogFormat) -> Columns:
         signal, is_position = given_column(columns, given), form.position is not None
     else:
         rest = [column for column in filled if column not in (time, torque)]
-        if all(map(str.isdigit, rest)) and (len(rest) != 1 or table.header_problem):
-            why = table.header_problem or f"{len(rest)} columns besides the time, without names"
-            raise Refusal(f"{why}; give --time and --speed by number, and --unit")
+        if len(rest) != 1 and all(map(str.isdigit, rest)):
+            what = f"{len(rest)} columns besides the time, without names"
+            raise Refusal(f"{what}; give --time and --speed by number, and --unit")
         signal, is_position = _signal_column(rest)
     if signal in (time, torque) or time == torque != "":
         raise Refusal(

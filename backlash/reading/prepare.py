@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from backlash.reading import UNITS, clock
+from backlash.reading import clock
 from backlash.reading.columns import Columns, LogFormat, choose_columns, numbers
 from backlash.reading.sources import read_source
 from backlash.reading.units import PER_TURN
@@ -26,7 +26,7 @@ _LEAST_SAMPLES = 8  # of a log, and of a load turn
 # Fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`).
 _LEAST_TURNS = 4
 _MOST_TURNS = 60  # what is beyond adds nothing but time
-_UNIT_TOLERANCE = 0.03  # of a speed beside the one that was said
+_TOLERANCE = 0.03  # of a speed beside the one that was said
 _MOST_DRIFT = 0.01  # of the mean of whole turns
 _SMOOTHING_S = 0.1
 _SPIKE = 0.3
@@ -278,7 +278,7 @@ def _level(v: FloatArray, expected: float | None) -> float:
     """The speed [rps], without sign, that a log keeps longest; near the expected one if that is among them."""
     speed = np.abs(v)
     if expected is not None:
-        is_near = np.abs(speed / expected - 1) < 2 * _UNIT_TOLERANCE
+        is_near = np.abs(speed / expected - 1) < 2 * _TOLERANCE
         if np.mean(is_near) > 0.1:
             return float(np.median(speed[is_near]))
     moving = speed[speed >= 0.05 * speed.max()]
@@ -302,49 +302,32 @@ def _recording(
     """The record with its speed and turn period, and of a speed that does not drift."""
     mean = float(v.mean())
     period = form.period_s(mean)
-    _refuse_drift(v, period / (t[1] - t[0]), mean)
+    # Gravity's part repeats in the first whole turns and the last.
+    n = period / (t[1] - t[0])
+    some = round(max(v.size / n // 4, 1) * n)
+    drift = float(v[-some:].mean() - v[:some].mean())
+    if abs(drift) > _MOST_DRIFT * mean:
+        what = f"it drifts by {drift:+.3g} rps from {mean:.4g} rps"
+        raise Refusal(what, Reason.NOT_CONSTANT_SPEED)
     if form.turn_period_s is None:
         ratio = f"gear ratio {form.gear_ratio:g} at {mean:.6g} rps"
         notes.append(f"a load turn takes {period:.6g} s: {ratio}")
-    elif form.gear_ratio and abs(form.gear_ratio / mean / period - 1) > _UNIT_TOLERANCE:
+    elif form.gear_ratio and abs(form.gear_ratio / mean / period - 1) > _TOLERANCE:
         turn = f"gear ratio {form.gear_ratio:g} at {mean:.5g} rps makes turns of {form.gear_ratio / mean:.4g} s"
         raise Refusal(f"{turn}, not the {period:g} s given", Reason.WRONG_PERIOD)
     return Recording(t - t[0], v, form.commanded_speed_rps or mean, period, name)
 
 
-def _refuse_drift(v: FloatArray, period: float, mean: float) -> None:
-    """Refuse a speed whose mean changes from the first whole turns, of `period` samples, to the last.
-
-    Gravity's part repeats in both.
-    """
-    some = round(max(v.size / period // 4, 1) * period)
-    drift = float(v[-some:].mean() - v[:some].mean())
-    if abs(drift) > _MOST_DRIFT * mean:
-        what = f"it drifts by {drift:+.3g} rps from {mean:.4g} rps"
-        raise Refusal(what, Reason.NOT_CONSTANT_SPEED)
-
-
 def _check_speed(level: float, form: LogFormat) -> None:
-    """Refuse a speed that is as far from the expected one as one unit from another; doubt one that is off otherwise."""
-    expected, why = (
-        form.expected_speed_rps,
-        "commanded" if form.commanded_speed_rps else "by gear ratio and turn",
-    )
+    """Refuse a speed that is not the expected one, or none of a motor."""
+    expected = form.expected_speed_rps
     if expected is None and level > _FASTEST_RPS:
         hint = "is it in rpm, rad/s or deg/s? then give --unit, else --commanded-speed"
         raise Refusal(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
-    if expected is None or abs(level / expected - 1) < _UNIT_TOLERANCE:
-        return
-    unit = form.unit or "rps"
-    for other in UNITS[:-1] if unit in PER_TURN else ():
-        if other != unit and abs(level / expected * PER_TURN[unit] / PER_TURN[other] - 1) < 0.05:
-            hint = f"is the speed in {other}? then give --unit {other}"
-            raise Refusal(f"the speed is {level:.4g} rps, {expected:.4g} rps {why}; {hint}")
-    if form.expected_speed_rps is not None:
-        raise Refusal(
-            f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {why}",
-            Reason.NOT_CONSTANT_SPEED,
-        )
+    if expected is not None and abs(level / expected - 1) > _TOLERANCE:
+        source = "commanded" if form.commanded_speed_rps else "by gear ratio and turn"
+        what = f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {source}"
+        raise Refusal(f"{what}; is --unit right?", Reason.NOT_CONSTANT_SPEED)
 
 
 def _refuse_spikes(t: FloatArray, v: FloatArray, form: LogFormat) -> None:

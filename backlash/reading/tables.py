@@ -48,7 +48,6 @@ class Table:
 
     frame: pd.DataFrame
     sheet: str = ""  # of a workbook, with those that were not read
-    header_problem: str = ""  # why the columns of a table with a header have no names
     file: str = ""  # what the log is called in its answer
     sha256: str | None = None  # of the file's bytes
 
@@ -162,14 +161,14 @@ def _read_text(text: str, sheet: str, least: int) -> Table:
     width = frame.shape[1]
     used = max(k + 1 for _, cells in rows[-_TAIL:] for k, cell in enumerate(cells[:width]) if cell)
     above = [[cell.translate(marks) for cell in cells] for _, cells in rows[:first]]
-    names, problem = _header_names(above, used)
+    names = _header_names(above, used)
     names = [name or str(k + 1) for k, name in enumerate([*names, *[""] * width][:width])]
     count = Counter(names)
     frame.columns = [
         name if count[name] == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)
     ]
     frame.index = frame.index + first_line + 1
-    return Table(frame, sheet, problem)
+    return Table(frame, sheet)
 
 
 def _rows(text: str, delimiter: str) -> list[_Row]:
@@ -253,8 +252,8 @@ def _ask_about_commas(rows: Sequence[_Row]) -> None:
         raise Refusal(f"{what}; export numbers without marks of thousands")
 
 
-def _header_names(above: Sequence[Sequence[str]], used: int) -> tuple[list[str], str]:
-    """Names of the columns that hold anything, from the rows above the numbers, or why there are none.
+def _header_names(above: Sequence[Sequence[str]], used: int) -> list[str]:
+    """Names of the columns that hold anything, from the rows above the numbers.
 
     A row of units goes to the row of names above it.
     """
@@ -263,7 +262,7 @@ def _header_names(above: Sequence[Sequence[str]], used: int) -> tuple[list[str],
         while not row[-1]:
             row.pop()
     if not rows:
-        return [], ""
+        return []
     names = rows[-1]
     units = [unit.strip("[]()<> ") for unit in names]
     if len(rows) > 1 and sum(bool(known_unit(unit)) for unit in units) >= len(units) / 2:
@@ -274,5 +273,6 @@ def _header_names(above: Sequence[Sequence[str]], used: int) -> tuple[list[str],
     if len(names) == used + 1 and names[-1].lower() == "comment":  # as LabVIEW writes
         names = names[:-1]
     if len(names) != used:
-        return [], f"its header has {len(names)} fields, its rows have {used}"
-    return names, ""
+        what = f"its header has {len(names)} fields, its rows have {used}"
+        raise Refusal(f"{what}; mend the header, or leave it out and give columns by number")
+    return names
