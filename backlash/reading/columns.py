@@ -211,11 +211,9 @@ def _time_column(columns: Sequence[str], frame: pd.DataFrame) -> str:
     if all(map(str.isdigit, columns)) and len(columns) > 1:
         return columns[0]
     named = _named_as(columns, "time")
-    if parts := [
-        column for column in named if column.lower().endswith(("nsec", "nsecs", "nanosec"))
-    ]:
+    if len(named) > 1 and named[-1].lower().endswith(("nsec", "nsecs", "nanosec")):
         cure = "export it as one, in s or ns, or give --rate"
-        raise Refusal(f"{parts[0]!r} is a part of a stamp in two columns; {cure}")
+        raise Refusal(f"{named[-1]!r} is a part of a stamp in two columns; {cure}")
     for is_better in (
         lambda column: "header" in words_of(column),
         lambda column: split_unit(column)[0] in KNOWN["names"]["time"],

@@ -29,7 +29,9 @@ _TAIL = 50  # rows at the head's end, which show what the others are like
 _LEAST_ROWS = 10  # of numbers, that are a table and no part of a header
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
 _NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
-_SWAPPED = str.maketrans(",.", ".,")
+_SWAPPED = str.maketrans(",.", ".,")  # for decimal commas
+# Delimiters, and whether the decimal mark is a comma.
+_DIALECTS = (*((mark, swapped) for swapped in (False, True) for mark in "\t;| "), (",", False))
 TIME_OF_DAY = re.compile(
     r"(?:[\w./,-]{6,11}[T ,]+)?(?P<clock>\d{1,2}:\d\d:\d\d)(?:[.,:](?P<fraction>\d+))?"
     r"\s*(?P<half>[AaPp][Mm])?\s*(?:Z|[+-]\d\d:?\d\d)?"
@@ -60,7 +62,7 @@ def read_table(content: bytes, least: int = 2) -> Table:
     try:
         if content.startswith(b"PAR1"):
             return Table(_read_parquet(content))
-        if content.startswith(b"PK"):
+        if content.startswith(b"PK\3\4"):
             text, name = _workbook_text(content)
         else:
             text = decoded(content)
@@ -121,7 +123,7 @@ def decoded(content: bytes) -> str:
     encoding = "utf-8-sig"
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
-    elif b"\0" in content[:_HEAD] or content.startswith((b"%PDF", b"PK")):
+    elif b"\0" in content[:_HEAD] or content.startswith(b"%PDF"):
         raise Refusal(
             "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
         )
@@ -201,17 +203,13 @@ def _find_dialect(head: str, least: int) -> tuple[str, bool]:
     tail = "\n".join(head.strip("\n").split("\n")[-_TAIL:])
     best = (0, 0)
     dialect = "", False
-    for is_swapped in (False, True):
-        text = tail.translate(_SWAPPED) if is_swapped else tail
-        for delimiter in "\t;| " if is_swapped else "\t;|, ":
-            counts = [
-                (sum(map(_is_number, cells)), sum(map(bool, cells)))
-                for _, cells in _rows(text, delimiter)
-            ]
-            enough = sum(numbers >= least for numbers, _ in counts)
-            score = enough, sum(2 * numbers - filled for numbers, filled in counts)
-            if score > best:
-                best, dialect = score, (delimiter, is_swapped)
+    for delimiter, is_swapped in _DIALECTS:
+        rows = _rows(tail.translate(_SWAPPED) if is_swapped else tail, delimiter)
+        counts = [(sum(map(_is_number, cells)), sum(map(bool, cells))) for _, cells in rows]
+        enough = sum(numbers >= least for numbers, _ in counts)
+        score = enough, sum(2 * numbers - filled for numbers, filled in counts)
+        if score > best:
+            best, dialect = score, (delimiter, is_swapped)
     if best[0] == 0:
         last = tail.strip("#%,;\t \n").rpartition("\n")[2]
         if not last:
