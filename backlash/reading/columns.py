@@ -1,15 +1,14 @@
 """Which columns of a log's table are what, in which units: names, options and numbers."""
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
 import pandas as pd
 
 from backlash.reading import UNITS
-from backlash.reading.tables import Sheet
+from backlash.reading.tables import Table
 from backlash.reading.units import KNOWN, PER_TURN, SECONDS, split_unit, words_of
 from backlash.refusals import Refusal
 from replication.signature import FloatArray
@@ -23,6 +22,7 @@ _POSITIVE = {
     "ring_hz": "--ring",
     "speed_tolerance": "--speed-tolerance",
 }
+_MOST = 1e30  # of what is measured; its square is a number, too
 
 
 def is_positive(value: object) -> bool:
@@ -87,10 +87,6 @@ class LogFormat:
         return self.turn_period_s or (self.gear_ratio or np.nan) / speed_rps
 
 
-# What the user may say, by its name.
-SAID = [field.name for field in fields(LogFormat)]
-
-
 @dataclass(frozen=True)
 class Columns:
     """Which columns of a file were read, in which units, and of which side of the gear."""
@@ -119,35 +115,35 @@ class Columns:
         return ", ".join(parts)
 
 
-def choose_columns(sheet: Sheet, form: LogFormat) -> Columns:
+def choose_columns(table: Table, form: LogFormat) -> Columns:
     """Choose the columns of time, of speed or position, and of the torque; ask where several may be meant."""
-    columns = list(sheet.frame.columns)
-    filled = [column for column in columns if sheet.frame[column].notna().any()]
-    time = given_column(columns, form.time) if form.time else _time_column(filled, sheet, form)
+    columns = list(table.frame.columns)
+    filled = [column for column in columns if table.frame[column].notna().any()]
+    time = ""
+    if not form.rate_hz:
+        time = given_column(columns, form.time) if form.time else _time_column(filled, table.frame)
     torque = given_column(columns, form.torque) if form.torque else ""
-    if given := form.speed or form.position:
-        signal = given_column(columns, given)
-        is_position = form.position is not None
-        if signal in (time, torque):
-            raise Refusal(f"column {signal!r} cannot be both the time or torque and the signal")
+    given = form.speed or form.position
+    if given:
+        signal, is_position = given_column(columns, given), form.position is not None
     else:
         rest = [column for column in filled if column not in (time, torque)]
-        signal, is_position = _signal_column(rest, sheet, form)
-    _refuse_other_stamps(sheet.frame, time, torque)
+        if len(rest) != 1 and all(map(str.isdigit, rest)):
+            what = f"{len(rest)} columns besides the time, without names"
+            raise Refusal(f"{what}; give --time and --speed by number, and --unit")
+        signal, is_position = _signal_column(rest)
+    if signal in (time, torque) or time == torque != "":
+        raise Refusal(
+            f"time {time!r}, signal {signal!r} and torque {torque!r} cannot be one column"
+        )
+    _refuse_other_stamps(table.frame, time, torque)
     is_links = form.gear_ratio == 1 or bool(words_of(signal) & {*KNOWN["sides"]["link"]})
     if is_links and form.gear_ratio not in (None, 1) and not given:
         problem = f"{signal!r} is the joint's side of the gear by its name"
         cure = "--speed or --position with the motor's column, or --gear-ratio 1"
         raise Refusal(f"{problem}, --gear-ratio {form.gear_ratio:g} needs the motor's; give {cure}")
-    return Columns(
-        time="" if form.rate_hz else time,
-        signal=signal,
-        unit=_unit_of(signal, is_position, form),
-        is_position=is_position,
-        torque=torque,
-        sheet=sheet.name,
-        is_links=is_links,
-    )
+    unit = _unit_of(signal, is_position, form)
+    return Columns(time, "", signal, unit, is_position, torque, table.sheet, is_links)
 
 
 def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:
@@ -163,11 +159,9 @@ def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:
 def given_column(columns: Sequence[str], given: str) -> str:
     """Find a column by its name, or by its number in the file, from 1."""
     given = str(given)
-    if given in columns:
-        return given
     same = [column for column in columns if column.lower() == given.lower()]
-    if len(same) == 1:
-        return same[0]
+    if given in columns or len(same) == 1:
+        return given if given in columns else same[0]
     if given.isdigit() and 1 <= int(given) <= len(columns):
         return columns[int(given) - 1]
     raise Refusal(f"no column {given!r}; there are {_listed(columns)}")
@@ -186,82 +180,66 @@ def _named_as(columns: Sequence[str], what: str) -> list[str]:
     ]
 
 
-def _signal_column(columns: Sequence[str], sheet: Sheet, form: LogFormat) -> tuple[str, bool]:
+def _better(columns: Sequence[str], is_better: Callable[[str], object]) -> Sequence[str]:
+    """Those of the columns that are better, if there are any."""
+    return [column for column in columns if is_better(column)] or columns
+
+
+def _signal_column(columns: Sequence[str]) -> tuple[str, bool]:
     """The measured speed, else position, of the motor's side if a name tells; and whether it is a position."""
-    if all(column.isdigit() for column in columns):
-        if len(columns) != 1 or sheet.header_problem:
-            why = sheet.header_problem or f"{len(columns) + 1} columns without names"
-            raise Refusal(f"{why}; give --time and --speed by number, and --unit")
+    if all(map(str.isdigit, columns)):
         return columns[0], False
-    no_measurement = set(KNOWN["no_measurement"])
-    speeds, positions = (
-        [column for column in _named_as(columns, what) if not words_of(column) & no_measurement]
-        for what in ("speed", "position")
-    )
-    motor, link = ({*KNOWN["sides"][side]} for side in ("motor", "link"))
-    either = speeds + positions
-    group = (
-        [column for column in either if words_of(column) & motor]
-        or [column for column in either if not words_of(column) & link]
-        or either
-    )
-    fitting = [column for column in group if column in speeds] or group
-    if not fitting:
+    sides, no_measurement = KNOWN["sides"], {*KNOWN["no_measurement"]}
+    measured = [column for column in columns if not words_of(column) & no_measurement]
+    speeds = _named_as(measured, "speed")
+    either = speeds + _named_as(measured, "position")
+    either = _better(either, lambda column: words_of(column) & {*sides["motor"]})
+    either = _better(either, lambda column: not words_of(column) & {*sides["link"]})
+    either = _better(either, lambda column: column in speeds)
+    if not either:
         raise Refusal(
             f"no column of a measured speed or position among {_listed(columns)}; give --speed"
         )
-    what = "speed" if fitting[0] in speeds else "position"
-    if len(fitting) > 1:
-        raise Refusal(f"which column is the motor's {what}: {_listed(fitting)}? give --{what}")
-    return fitting[0], what == "position"
+    what = "speed" if either[0] in speeds else "position"
+    if len(either) > 1:
+        raise Refusal(f"which column is the motor's {what}: {_listed(either)}? give --{what}")
+    return either[0], what == "position"
 
 
-def _time_column(columns: Sequence[str], sheet: Sheet, form: LogFormat) -> str:
+def _time_column(columns: Sequence[str], frame: pd.DataFrame) -> str:
     """The column of time stamps; of several that of the sample before that of its receipt."""
-    either = _named_as(columns, "time")
-    named = [column for column in either if split_unit(column)[0] in KNOWN["names"]["time"]]
-    if form.rate_hz:
-        return named[0] if named else ""
-    if all(column.isdigit() for column in columns) and len(columns) > 1:
-        if sheet.header_problem and not form.speed:
-            raise Refusal(f"{sheet.header_problem}; give --time and --speed by number, and --unit")
+    if all(map(str.isdigit, columns)) and len(columns) > 1:
         return columns[0]
-    named = [column for column in either if "header" in words_of(column)] or named or either
-    received = set(KNOWN["received"])
-    named = [
-        column for column in named if not (column.startswith("__") or words_of(column) & received)
-    ] or named
-    named = [column for column in named if split_unit(column)[0] != "date"] or named
-    if len(named) > 1 and sheet.frame[named].nunique(axis=1).max() > 1:
+    named = _named_as(columns, "time")
+    if len(named) > 1 and named[-1].lower().endswith(("nsec", "nsecs", "nanosec")):
+        cure = "export it as one, in s or ns, or give --rate"
+        raise Refusal(f"{named[-1]!r} is a part of a stamp in two columns; {cure}")
+    for is_better in (
+        lambda column: "header" in words_of(column),
+        lambda column: split_unit(column)[0] in KNOWN["names"]["time"],
+        lambda column: not column.startswith("__"),
+        lambda column: not words_of(column) & {*KNOWN["received"]},
+        lambda column: split_unit(column)[0] != "date",
+    ):
+        named = _better(named, is_better)
+    if len(named) > 1 and frame[named].nunique(axis=1).max() > 1:
         raise Refusal(f"which column is the time: {_listed(named)}? give --time")
     if not named:
         raise Refusal(f"no column of time among {_listed(columns)}; give --time, or --rate")
     return named[0]
 
 
-def with_whole_stamps(sheet: Sheet) -> Sheet:
-    """A sheet with one more column for a stamp that comes in seconds and nanoseconds, which are emptied."""
-    frame = sheet.frame
-    for nano in [column for column in frame.columns if re.search(r"stamp\Wn(ano)?secs?$", column)]:
-        whole = re.sub("n(ano)?sec", "sec", nano)
-        if whole in frame:
-            seconds, rest = (pd.to_numeric(frame[each], errors="coerce") for each in (whole, nano))
-            stamp = {f"{whole.rpartition('sec')[0][:-1]} [ns]": 10**9 * seconds + rest}
-            frame = frame.assign(**dict.fromkeys((whole, nano), np.nan), **stamp)
-    return replace(sheet, frame=frame)
-
-
 def numbers(table: pd.DataFrame, column: str) -> FloatArray:
     """A column as finite numbers."""
     values = table[column]
     result = pd.to_numeric(values, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-    bad = np.flatnonzero(~np.isfinite(result))
+    bad = np.flatnonzero(~(np.abs(result) < _MOST))
     if bad.size:
         cell = values.iloc[bad[0]]
-        what = "is missing" if pd.isna(cell) else f"is {str(cell)[:40]!r}, no finite number"
+        what = (
+            "is missing" if pd.isna(cell) else f"is {str(cell)[:40]!r}, no number of a measurement"
+        )
         raise Refusal(f"{column} {what}; mend or cut the log there", row=table.index[bad[0]])
-    if np.abs(result).max(initial=0.0) > 1e30:
-        raise Refusal(f"{column} has values above 1e30; that is no measurement")
     return result
 
 

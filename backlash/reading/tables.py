@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import pandas as pd
 
@@ -24,81 +25,70 @@ MOST_CELLS = 8_000_000  # of its table: an hour at 500 Hz of four columns
 CUT = "cut it to the test movement, a minute at most"
 
 _HEAD = 2**16  # characters in which the table begins
-_TAIL = 50  # lines at the head's end, which show what the rows are like
-_LONGEST_NUMBER = 60  # characters
+_TAIL = 50  # rows at the head's end, which show what the others are like
 _LEAST_ROWS = 10  # of numbers, that are a table and no part of a header
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
 _NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
-_DIALECTS = (
-    *((delimiter, mark) for delimiter in "\t;|" for mark in ".,"),
-    (",", "."),
-    (r"\s+", "."),
-    (r"\s+", ","),
-)
-_LINE_END = re.compile(r"\r\n|\r|\n")
+_SWAPPED = str.maketrans(",.", ".,")  # for decimal commas
+# Delimiters, and whether the decimal mark is a comma.
+_DIALECTS = (*((mark, swapped) for swapped in (False, True) for mark in "\t;| "), (",", False))
 TIME_OF_DAY = re.compile(
-    r"(?P<date>[\w./-]{6,11}[T ,]+)?(?P<hour>\d{1,2}):(?P<minute>\d\d):(?P<second>\d\d(?:[.,:]\d+)?)"
+    r"(?:[\w./,-]{6,11}[T ,]+)?(?P<clock>\d{1,2}:\d\d:\d\d)(?:[.,:](?P<fraction>\d+))?"
     r"\s*(?P<half>[AaPp][Mm])?\s*(?:Z|[+-]\d\d:?\d\d)?"
 )
-_GROUPED = r"[+-]?\d{1,3}(,\d{3})+\.\d+"  # with marks of thousands
-_NUMBER = re.compile(
-    rf"{_GROUPED}|[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
-)
-_THOUSANDS_OR_DECIMALS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
+_THOUSANDS_OR_DECIMALS = re.compile(r"[+-]?[1-9]\d{0,2}\.\d{3}")
 _SPACED_THOUSANDS = re.compile(r"(?<=\d)[\u00a0\u2009\u202f'’](?=\d{3})")
 _MISSING = ("", "-", "--", "null", "na", "n/a", "#n/a", "none")
 
+# The line of a text on which a row begins, and its cells.
+_Row: TypeAlias = tuple[int, list[str]]
+
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
-    """All columns of a file, by name or by number from 1; the index holds the file's rows."""
+class Table:
+    """All columns of a log, by name or by number from 1; the index holds the file's rows."""
 
     frame: pd.DataFrame
-    name: str = ""  # of a workbook's sheet, with those that were not read
-    header_problem: str = ""  # why the columns of a table with a header have no names
+    sheet: str = ""  # of a workbook, with those that were not read
+    file: str = ""  # what the log is called in its answer
+    sha256: str | None = None  # of the file's bytes
 
 
-def read_table(content: bytes, least: int = 2) -> Sheet:
+def read_table(content: bytes, least: int = 2) -> Table:
     """Read a log's table, of `least` columns of numbers or more."""
     if not content:
         raise Refusal("the file is empty; export the log again")
-    if content.startswith(b"PAR1"):
-        return Sheet(_read_parquet(content))
-    if content.startswith(b"PK"):
-        text, name = _workbook_text(content)
-        return _read_text(text, name, least)
-    return _read_text(decoded(content), "", least)
+    name = ""
+    try:
+        if content.startswith(b"PAR1"):
+            return Table(_read_parquet(content))
+        if content.startswith(b"PK\3\4"):
+            text, name = _workbook_text(content)
+        else:
+            text = decoded(content)
+    except Refusal:
+        raise
+    except Exception as error:  # whatever hostile bytes make the libraries raise
+        problem = f"no readable workbook or Parquet file ({type(error).__name__}: {error!s:.200})"
+        raise Refusal(f"{problem}; save the log as CSV") from error
+    return _read_text(text, name, least)
 
 
-def check_cells(rows: int, columns: int) -> None:
+def check_cells(cells: int) -> None:
     """Refuse a table that takes more time and memory than a log is worth."""
-    if rows * columns > MOST_CELLS:
-        what = f"{rows:,} rows of {columns:,} columns are more than {MOST_CELLS:,} cells"
-        raise Refusal(f"{what}; {CUT}, or export time, speed and torque alone")
+    if cells > MOST_CELLS:
+        raise Refusal(f"more than {MOST_CELLS:,} cells; {CUT}, or export fewer columns")
 
 
 def _read_parquet(content: bytes) -> pd.DataFrame:
     """Read the numbers of a Parquet file; its other columns are empty."""
     parquet = library("pyarrow.parquet", "parquet")
-    arrow = library("pyarrow", "parquet")
-    try:
-        with parquet.ParquetFile(io.BytesIO(content)) as file:
-            fields = [field for field in file.schema_arrow if str(field.type).startswith(_NUMERIC)]
-            check_cells(file.metadata.num_rows, len(fields))
-            table = file.read(columns=[field.name for field in fields], use_threads=False)
-            names = file.schema_arrow.names
-        # Decimals would become an object each.
-        types = [
-            arrow.float64() if arrow.types.is_decimal(field.type) else field.type
-            for field in table.schema
-        ]
-        table = table.cast(arrow.schema(list(zip(table.schema.names, types, strict=True))))
-        frame = table.to_pandas(ignore_metadata=True).reindex(columns=names)
-    except Refusal:
-        raise
-    except Exception as error:  # whatever hostile bytes make the library raise
-        problem = f"a broken Parquet file ({type(error).__name__}: {str(error)[:200]})"
-        raise Refusal(f"{problem}; export the log again, or as CSV") from error
+    with parquet.ParquetFile(io.BytesIO(content)) as file:
+        schema = file.schema_arrow
+        numeric = [field.name for field in schema if str(field.type).startswith(_NUMERIC)]
+        check_cells(file.metadata.num_rows * len(numeric))
+        table = file.read(columns=numeric, use_threads=False)
+    frame = table.to_pandas(ignore_metadata=True).reindex(columns=schema.names)
     frame.index = frame.index + 1
     return frame
 
@@ -107,46 +97,25 @@ def _workbook_text(content: bytes) -> tuple[str, str]:
     """The active sheet of a workbook as text, formulas by stored results, and which sheet that is."""
     load_workbook = library("openpyxl", "xlsx").load_workbook
     library("defusedxml", "xlsx")  # refuses entities
+    with zipfile.ZipFile(io.BytesIO(content)) as bundle:
+        if sum(member.file_size for member in bundle.infolist()) > MOST_BYTES:
+            raise Refusal(f"it unpacks to more than {MOST_BYTES // 2**20} MiB; {CUT}")
+        for name in bundle.namelist():  # a cell has four signs, a hostile one a single one
+            check_cells(bundle.read(name).count(b"<") // 4)
+    opened = load_workbook(io.BytesIO(content), read_only=True, data_only=True, keep_links=False)
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     cells = 0
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as bundle:
-            _check_workbook(bundle)
-        opened = load_workbook(
-            io.BytesIO(content), read_only=True, data_only=True, keep_links=False
-        )
-        with warnings.catch_warnings(action="ignore"), closing(opened) as book:
-            visible = [each for each in book.worksheets if each.sheet_state == "visible"]
-            sheet = book.active if book.active in visible else visible[0]
-            sheet.reset_dimensions()
-            for row in sheet.iter_rows(values_only=True):
-                cells += len(row) + 1
-                check_cells(1, cells)
-                writer.writerow(row)
-            others = ", ".join(repr(each.title) for each in book.worksheets if each is not sheet)
-            name = f"{sheet.title!r} (not {others})" if others else ""
-    except Refusal:
-        raise
-    except Exception as error:  # whatever hostile bytes make the libraries raise
-        problem = f"not a readable workbook ({type(error).__name__}: {str(error)[:200]})"
-        raise Refusal(f"{problem}; save the log as CSV") from error
-    return text.getvalue(), name
-
-
-def _check_workbook(bundle: zipfile.ZipFile) -> None:
-    """See that a zip archive is a workbook, and bound what the library would build of it."""
-    refused = "a zip archive that is no plain workbook"
-    if "xl/workbook.xml" not in bundle.namelist():
-        raise Refusal(f"{refused} (it has no xl/workbook.xml); unpack it, or save the log as CSV")
-    unpacked = sum(member.file_size for member in bundle.infolist())
-    if unpacked > MOST_BYTES:
-        size = f"{unpacked / 2**20:,.0f} MiB, above {MOST_BYTES // 2**20}"
-        raise Refusal(f"{refused}: its parts unpack to {size}; save the log as CSV")
-    for name in bundle.namelist():
-        # A cell has four of these, a hostile one a single one.
-        if bundle.read(name).count(b"<") > MOST_CELLS // 2:
-            raise Refusal(f"{name}: more than {MOST_CELLS // 8:,} cells; {CUT}, or save it as CSV")
+    with warnings.catch_warnings(action="ignore"), closing(opened) as book:
+        visible = [each for each in book.worksheets if each.sheet_state == "visible"]
+        sheet = book.active if book.active in visible else visible[0]
+        sheet.reset_dimensions()
+        for row in sheet.iter_rows(values_only=True):
+            cells += len(row) + 1
+            check_cells(cells)
+            writer.writerow(row)
+        others = ", ".join(repr(each.title) for each in book.worksheets if each is not sheet)
+    return text.getvalue(), f"{sheet.title!r} (not {others})" if others else ""
 
 
 def decoded(content: bytes) -> str:
@@ -162,166 +131,146 @@ def decoded(content: bytes) -> str:
         text = content.decode(encoding)
     except UnicodeDecodeError:  # Latin-1 takes any bytes
         text = content.decode("utf-16" if encoding == "utf-16" else "latin-1", "replace")
-    return _SPACED_THOUSANDS.sub("", text) if _SPACED_THOUSANDS.search(text) else text
+    return _SPACED_THOUSANDS.sub("", text.replace("\r\n", "\n").replace("\r", "\n"))
 
 
-def _read_text(text: str, sheet: str, least: int) -> Sheet:
+def _read_text(text: str, sheet: str, least: int) -> Table:
     """Find the table in a text, below its header."""
     head = text[:_HEAD]
-    starts = [0, *(end.end() for end in _LINE_END.finditer(head))]
-    lines = _LINE_END.split(head)
     if len(text) > _HEAD:
-        lines.pop()  # it goes on
-        if not lines:
-            raise Refusal(f"its first line is longer than {_HEAD} characters; that is no log")
-    whole = _joined(lines)
-    filled = [(k, line) for k, line in whole if line.strip("#%,;\t \r")]
-    if not filled:
-        raise Refusal("nothing but blank lines; export the log again")
-    delimiter, decimal = _find_dialect([line for _, line in filled[-_TAIL:]], least)
-    rows = [(k, _split(line.lstrip("#%").strip(" "), delimiter)) for k, line in filled]
-    tail = [fields for _, fields in rows[-_TAIL:]]
-    first = _first_row(rows, tail, decimal, least)
-    first_line, fields = rows[first]
-    _ask_about_commas(tail, decimal)
-    check_cells(max(text.count("\n"), text.count("\r")) + 1, len(fields))
-    grouped = any(re.fullmatch(_GROUPED, _swap(field, decimal)) for row in tail for field in row)
+        head = head[: head.rfind("\n") + 1]  # the last line goes on
+    delimiter, is_swapped = _find_dialect(head, least)
+    marks = _SWAPPED if is_swapped else {}
+    rows = _rows(head.translate(marks), delimiter)
+    if is_swapped:
+        _ask_about_commas(rows)
+        text = text.translate(_SWAPPED)
+    first = _first_row(rows, least)
+    first_line = rows[first][0]
+    check_cells((text.count("\n") + 1) * len(rows[first][1]))
     try:
         frame = pd.read_csv(
-            io.StringIO(text[starts[first_line] :]),
-            sep=delimiter,
-            decimal=decimal,
+            io.StringIO(text.split("\n", first_line)[-1]),
+            sep=r"\s+" if delimiter == " " else delimiter,
             header=None,
             skip_blank_lines=False,
             skipinitialspace=True,
             low_memory=False,
             na_values=["-", "--"],
-            thousands={",": ".", ".": ","}[decimal] if grouped else None,
         )
     except (ValueError, pd.errors.ParserError, OverflowError) as error:
         raise Refusal(f"not a table ({error}); export the log again") from error
     width = frame.shape[1]
-    used = max(k + 1 for row in tail for k, field in enumerate(row[:width]) if field)
-    names, problem = _header_names([fields for _, fields in rows[:first]], used)
+    used = max(k + 1 for _, cells in rows[-_TAIL:] for k, cell in enumerate(cells[:width]) if cell)
+    above = [[cell.translate(marks) for cell in cells] for _, cells in rows[:first]]
+    names = _header_names(above, used)
     names = [name or str(k + 1) for k, name in enumerate([*names, *[""] * width][:width])]
     count = Counter(names)
     frame.columns = [
         name if count[name] == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)
     ]
     frame.index = frame.index + first_line + 1
-    return Sheet(frame, sheet, problem)
+    return Table(frame, sheet)
 
 
-def _joined(lines: Sequence[str]) -> list[tuple[int, str]]:
-    """Lines with their numbers; one that a quoted cell breaks is joined with the next."""
-    whole: list[tuple[int, str]] = []
-    for number, line in enumerate(lines):
-        if whole and whole[-1][1].count('"') % 2 and line.count('"') % 2:
-            start, before = whole.pop()
-            whole.append((start, f"{before} {line}"))
-        else:
-            whole.append((number, line))
-    return whole
+def _rows(text: str, delimiter: str) -> list[_Row]:
+    """Rows that are not blank, without signs of comments before them."""
+    lines = (line.lstrip("#% ") for line in io.StringIO(text))
+    if delimiter == " ":
+        lines = (" ".join(line.split()) for line in lines)
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter != " ")
+    rows = []
+    start = 0
+    for fields in reader:
+        cells = [" ".join(field.split()) for field in fields]
+        if any(cells):
+            rows.append((start, cells))
+        start = reader.line_num
+    return rows
 
 
-def _split(line: str, delimiter: str) -> list[str]:
-    if delimiter == r"\s+":
-        return [field.strip('"') for field in line.split()]
-    fields = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    return [" ".join(field.split()) for field in fields]
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number or a time of day."""
+    try:
+        float(cell)
+    except ValueError:
+        return bool(TIME_OF_DAY.fullmatch(cell))
+    return True
 
 
-def _swap(field: str, decimal: str) -> str:
-    """A number's text with "." as decimal mark."""
-    return field.translate(str.maketrans(",.", ".,")) if decimal == "," else field
+def _find_dialect(head: str, least: int) -> tuple[str, bool]:
+    """Delimiter, and whether the decimal mark is a comma, that read most of the last rows as numbers."""
+    tail = "\n".join(head.strip("\n").split("\n")[-_TAIL:])
+    best = (0, 0)
+    dialect = "", False
+    for delimiter, is_swapped in _DIALECTS:
+        rows = _rows(tail.translate(_SWAPPED) if is_swapped else tail, delimiter)
+        counts = [(sum(map(_is_number, cells)), sum(map(bool, cells))) for _, cells in rows]
+        enough = sum(numbers >= least for numbers, _ in counts)
+        score = enough, sum(2 * numbers - filled for numbers, filled in counts)
+        if score > best:
+            best, dialect = score, (delimiter, is_swapped)
+    if best[0] == 0:
+        last = tail.strip("#%,;\t \n").rpartition("\n")[2]
+        if not last:
+            raise Refusal(f"nothing but blanks, or a first line above {_HEAD} characters")
+        what = f"no rows with two numbers; its last line is {last.strip()[:60]!r}"
+        raise Refusal(f"{what}; export it again, numbers without units and marks of thousands")
+    return dialect
 
 
-def _is_number(field: str, decimal: str) -> bool:
-    """Whether a field is a number or a time of day."""
-    if len(field) > _LONGEST_NUMBER:
-        return False
-    return bool(_NUMBER.fullmatch(_swap(field, decimal)) or TIME_OF_DAY.fullmatch(field))
-
-
-def _find_dialect(lines: Sequence[str], least: int) -> tuple[str, str]:
-    """Delimiter and decimal mark that read most lines as `least` numbers or more."""
-
-    def score(dialect: tuple[str, str]) -> float:
-        delimiter, decimal = dialect
-        counts = [
-            sum(_is_number(field, decimal) for field in _split(line.lstrip("#%"), delimiter))
-            for line in lines
-        ]
-        enough = sum(count >= least for count in counts)
-        return enough + 1e-3 * sum(min(count, 10) for count in counts)
-
-    best = max(_DIALECTS, key=score)
-    if score(best) < 1:
-        what = f"no rows with two numbers; its last line is {lines[-1].strip()[:60]!r}"
-        raise Refusal(f"{what}; export the log again, numbers without units")
-    return best
-
-
-def _first_row(
-    rows: Sequence[tuple[int, list[str]]], tail: Sequence[list[str]], decimal: str, least: int
-) -> int:
+def _first_row(rows: Sequence[_Row], least: int) -> int:
     """The first row of numbers after the last row of names."""
     seen = Counter(
-        k for fields in tail for k, field in enumerate(fields) if _is_number(field, decimal)
+        k for _, cells in rows[-_TAIL:] for k, cell in enumerate(cells) if _is_number(cell)
     )
     numeric = [k for k, count in seen.items() if count > max(seen.values()) / 2]
-
-    def numbers_and_words(fields: Sequence[str]) -> tuple[int, int]:
-        cells = [fields[k] for k in numeric if k < len(fields)]
-        cells = [cell for cell in cells if cell.lower() not in _MISSING]
-        numbers = sum(_is_number(cell, decimal) for cell in cells)
-        return numbers, len(cells) - numbers
-
-    counts = [numbers_and_words(fields) for _, fields in rows]
-    is_data = [numbers >= least and words == 0 for numbers, words in counts]
-    last_names = max((k for k, (n, words) in enumerate(counts) if words and not n), default=-1)
-    if sum(is_data[: last_names + 1]) >= _LEAST_ROWS:
-        raise Refusal("names in the midst of the numbers; keep one table", row=rows[last_names][0])
-    if not any(is_data[last_names + 1 :]):
+    is_data = []
+    is_names = []
+    for _, cells in rows:
+        filled = [cells[k] for k in numeric if k < len(cells) and cells[k].lower() not in _MISSING]
+        numbers = sum(map(_is_number, filled))
+        is_data.append(least <= numbers == len(filled))
+        is_names.append(numbers == 0 < len(filled))
+    below = len(rows) - is_names[::-1].index(True) if True in is_names else 0
+    if sum(is_data[:below]) >= _LEAST_ROWS:
+        raise Refusal("names in the midst of the numbers; keep one table", row=rows[below - 1][0])
+    if True not in is_data[below:]:
         raise Refusal("no rows with two numbers below its header; export the log again")
-    return is_data.index(True, last_names + 1)
+    return is_data.index(True, below)
 
 
-def _ask_about_commas(tail: Sequence[list[str]], decimal: str) -> None:
-    """Refuse numbers like 6,001 beside whole ones."""
-    if decimal != ",":
-        return
-    numbers = [field for row in tail for field in row if _is_number(field, decimal)]
-    marked = [field for field in numbers if "," in field]
-    whole = [field for field in numbers if field.isdigit()]
-    if marked and whole and all(_THOUSANDS_OR_DECIMALS.fullmatch(field) for field in marked):
-        as_decimal = marked[0].replace(",", ".")
-        what = f"{marked[0]!r} may be {marked[0].replace(',', '')} or {as_decimal}"
+def _ask_about_commas(rows: Sequence[_Row]) -> None:
+    """Refuse numbers like 6,001 beside whole ones; here their commas are points."""
+    numbers = [cell for _, cells in rows[-_TAIL:] for cell in cells if _is_number(cell)]
+    marked = [cell for cell in numbers if "." in cell]
+    is_any_whole = any(cell.isdigit() for cell in numbers)
+    if marked and is_any_whole and all(map(_THOUSANDS_OR_DECIMALS.fullmatch, marked)):
+        what = f"{marked[0].replace('.', ',')!r} may be {marked[0].replace('.', '')} or {marked[0]}"
         raise Refusal(f"{what}; export numbers without marks of thousands")
 
 
-def _header_names(above: Sequence[Sequence[str]], used: int) -> tuple[list[str], str]:
-    """Names of the columns that hold anything, from the rows above the numbers, or why there are none.
+def _header_names(above: Sequence[Sequence[str]], used: int) -> list[str]:
+    """Names of the columns that hold anything, from the rows above the numbers.
 
     A row of units goes to the row of names above it.
     """
     rows = [list(row) for row in above]
     for row in rows:
-        while row and not row[-1]:
+        while not row[-1]:
             row.pop()
     if not rows:
-        return [], ""
+        return []
     names = rows[-1]
     units = [unit.strip("[]()<> ") for unit in names]
     if len(rows) > 1 and sum(bool(known_unit(unit)) for unit in units) >= len(units) / 2:
         units += [""] * (len(rows[-2]) - len(units))
         if len(units) == len(rows[-2]):
-            names = [
-                f"{name} [{unit}]" if unit else name
-                for name, unit in zip(rows[-2], units, strict=True)
-            ]
+            pairs = zip(rows[-2], units, strict=True)
+            names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
     if len(names) == used + 1 and names[-1].lower() == "comment":  # as LabVIEW writes
         names = names[:-1]
     if len(names) != used:
-        return [], f"its header has {len(names)} fields, its rows have {used}"
-    return names, ""
+        what = f"its header has {len(names)} fields, its rows have {used}"
+        raise Refusal(f"{what}; mend the header, or leave it out and give columns by number")
+    return names

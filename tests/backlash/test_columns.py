@@ -113,7 +113,7 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     [
         ({"speed": "x"}, "no column 'x'; there are 'time', 'speed [rps]'"),
         ({"speed": "9"}, "no column '9'"),
-        ({"speed": "1"}, "cannot be both the time or torque and the signal"),
+        ({"speed": "1"}, "signal 'time' and torque '' cannot be one column"),
         ({"unit": "rpm"}, "says rps, --unit says rpm; leave --unit out"),
         ({"time": "speed [rps]", "speed": "time"}, "the unit of 'time' is not known"),
     ],

@@ -10,19 +10,15 @@ from backlash.reading.prepare import open_log
 from backlash.refusals import Refusal
 from tests.logs import TURN, file, noisy, rewritten, table, text
 
-KINDS = ("csv", "gz", "utf16", "xlsx", "parquet", "dates")
-
-
-def content_of(kind: str, folder) -> bytes:
-    dated = text("timestamp;speed [rpm];I [A]", "2024-03-17 12:00:0{t:.4f};{rpm:.2f};1,5")
-    return {
-        "csv": lambda: text().encode(),
-        "gz": lambda: gzip.compress(text().encode()),
-        "utf16": lambda: text().encode("utf-16"),
-        "xlsx": lambda: rewritten(folder / "log.xlsx", {}).read_bytes(),
-        "parquet": lambda: table(noisy()).to_parquet(),
-        "dates": lambda: dated.replace(".", ",").encode(),
-    }[kind]()
+DATED = text("timestamp;speed [rpm];I [A]", "2024-03-17 12:00:0{t:.4f};{rpm:.2f};1,5")
+KINDS = {
+    "csv": lambda folder: text().encode(),
+    "gz": lambda folder: gzip.compress(text().encode()),
+    "utf16": lambda folder: text().encode("utf-16"),
+    "xlsx": lambda folder: rewritten(folder / "log.xlsx", {}).read_bytes(),
+    "parquet": lambda folder: table(noisy()).to_parquet(),
+    "dates": lambda folder: DATED.replace(".", ",").encode(),
+}
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
@@ -62,8 +58,8 @@ def is_one_line(said: str) -> bool:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_mutated_log_is_read_or_refused_in_one_line(kind, seed, tmp_path):
-    rng = np.random.default_rng((KINDS.index(kind), seed))
-    path = file(tmp_path, mutated(content_of(kind, tmp_path), rng), "log")
+    rng = np.random.default_rng(([*KINDS].index(kind), seed))
+    path = file(tmp_path, mutated(KINDS[kind](tmp_path), rng), "log")
     assert is_one_line(read(path))
 
 
@@ -78,15 +74,14 @@ def test_a_file_of_random_cells_is_read_or_refused_in_one_line(seed, tmp_path):
         "-",
         "nan",
         "time",
-        "speed [rpm]",
+        "v [rpm]",
         '"',
         "",
         "12:00:00.1",
         "é",
         "[",
-        "9" * 70,
     ]
-    marks = [",", ";", "\t", " ", "\n", "\n", "\n", '"', "\r"]
+    marks = [*',;\t \n\n\n"\r']
     words = [
         cells[rng.integers(len(cells))] + marks[rng.integers(len(marks))]
         for _ in range(rng.integers(1, 200))

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
@@ -40,25 +38,6 @@ def test_a_position_is_unwrapped_and_differentiated(scale, wrap, said):
     assert any("unwrapped" in note for note in log.notes) == (wrap is not None)
 
 
-@settings(max_examples=20)
-@given(
-    speed=st.floats(20, 240),
-    direction=st.sampled_from([1.0, -1.0]),
-    start=st.floats(0, 1),
-    bits=st.integers(10, 20),
-)
-def test_wrapping_changes_nothing_as_long_as_a_sample_is_less_than_half_a_turn(
-    speed, direction, start, bits
-):
-    t = 2e-3 * np.arange(1500)
-    counts = np.floor((start + direction * speed * t) * 2**bits)
-    form = LogFormat(unit="counts", counts_per_turn=2.0**bits, gear_ratio=speed / 2.5)
-    found = [
-        opened(t, position, form, "position").recording.v for position in (counts, counts % 2**bits)
-    ]
-    np.testing.assert_array_equal(*found)
-
-
 def test_a_commanded_speed_resolves_an_encoder_that_wraps_faster_than_it_is_sampled():
     turns = (np.cumsum(RECORD.v) * 2e-3 * 3.5) % 1.0  # 0.7 turns a sample
     log = opened(RECORD.t, turns, replace(TURN, commanded_speed_rps=350.0), "position [turns]")
@@ -75,15 +54,11 @@ def test_only_the_first_sixty_turns_of_a_long_log_are_used():
     assert evenly(np.tile(RECORD.v[:-1], 8)).recording.t[-1] == pytest.approx(24.0)
 
 
-@pytest.mark.parametrize(
-    ("factor", "unit", "hint"),
-    [(60, "rps", "rpm"), (1 / 60, "rpm", "rps"), (6.2832, "rps", "rad/s")],
-)
+@pytest.mark.parametrize("factor", [60, 1 / 60, 6.2832])
 @pytest.mark.parametrize("known", [{"commanded_speed_rps": 100.0}, {"gear_ratio": 40.0}])
-def test_a_wrong_unit_is_recognised_by_its_factor(factor, unit, hint, known):
-    per = {"rps": 1.0, "rpm": 60.0}[unit]
-    frame = pd.DataFrame({"t": RECORD.t, "v": factor * per * RECORD.v})
-    assert f"give --unit {hint}" in refusal(frame, replace(TURN, unit=unit, **known))
+def test_a_wrong_unit_is_told_by_what_is_known_of_the_speed(factor, known):
+    frame = pd.DataFrame({"t": RECORD.t, "v [rps]": factor * RECORD.v})
+    assert "rps longest, not 100 rps" in refusal(frame, replace(TURN, **known))
 
 
 def test_a_speed_that_no_motor_reaches_is_asked_about():
@@ -166,7 +141,9 @@ def test_a_torque_that_is_missing_for_some_rows_is_filled_and_that_is_noted():
     np.testing.assert_allclose(log.torque, TORQUE, atol=0.02)
     assert "left out 3 rows without I [A]" in log.notes
     torque[200:2200] = np.nan
-    assert "a gap of 4 s" in refusal(with_torque(torque), replace(TURN, torque="I [A]"))
+    with pytest.raises(Refusal, match=r"too short: 1\.0 load turns") as caught:
+        open_log(with_torque(torque), replace(TURN, torque="I [A]"))
+    assert "used what is between two gaps, from 4.400 to 4.800 s" in caught.value.notes[-1]
 
 
 @pytest.mark.parametrize("limits", [(-9.0, 4.2), (3.2, 9.0)])

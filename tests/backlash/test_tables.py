@@ -1,8 +1,6 @@
 """Every kind of file that loggers and spreadsheets write, and what is none: read rightly or refused in one line."""
 
 import gzip
-import io
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,17 +39,6 @@ def logged(t=None, v=None, header="time [s],speed [rps]") -> str:
     return text(header, record=Recording(t, v, 100.0, 0.4, "log"))
 
 
-def grouped(thousands: str, decimal: str, between: str) -> str:
-    """Speeds in rpm with marks of thousands."""
-    rows = [
-        f"{t:.4f}".replace(".", decimal)
-        + between
-        + f'"{60 * v:,.3f}"'.translate(str.maketrans({",": thousands, ".": decimal}))
-        for t, v in zip(noisy().t, noisy().v, strict=True)
-    ]
-    return "\n".join([f"time [s]{between}speed [rpm]", *rows])
-
-
 def clocked(form: str, header="time,speed [rps]", start="2024-03-17 23:59:58") -> str:
     """Stamps as dates and times of day, over midnight."""
     stamps = pd.Timestamp(start) + pd.to_timedelta(noisy().t, unit="s")
@@ -64,7 +51,6 @@ ANSWERED = {
     "a byte order mark": PLAIN.encode("utf-8-sig"),
     "Latin-1": text("time,velocità [rps]").encode("latin-1"),
     "lines that end as in DOS": PLAIN.replace("\n", "\r\n"),
-    "lines that end as on old Macs": PLAIN.replace("\n", "\r"),
     "semicolons and decimal commas": text(*RPM).replace(".", ","),
     "tabs": text("time\tspeed [rps]", "{t:.4f}\t{v:.5f}"),
     "blanks": text("  time   speed_rps", "  {t:.4f}   {v:.5f}"),
@@ -74,12 +60,11 @@ ANSWERED = {
     "a row of units": text("Time,Speed,I\ns,rpm,A", "{t:.4f},{rpm:.2f},1"),
     "a row of units with exponents": text("Time;Speed\ns;rad s^-1", "{t:.4f};{rad:.4f}"),
     "quoted numbers": text('"time","speed_rps"', '"{t:.4f}","{v:.5f}"'),
-    "thousands in English": grouped(",", ".", ","),
-    "thousands in German": grouped(".", ",", ";"),
-    "thousands with narrow spaces": grouped("\u202f", ",", ";"),
+    "thousands with narrow spaces": text("time [s];speed [rpm]", "{t:.4f};{rpm:,.3f}").replace(
+        ",", "\u202f"
+    ),
     "rows without a number": line(500, "0.996,NaN"),
     "a row without a stamp": line(500, ",100.0"),
-    "a row of dashes": line(500, "--,--"),
     "a position that wraps": logged(v=TURNS % 1.0, header="time,position [rev]"),
     "blank rows": PLAIN.replace("\n", "\n\n"),
     "blank columns": text(",time,,speed [rps],", ",{t:.4f},,{v:.5f},"),
@@ -89,10 +74,6 @@ ANSWERED = {
     "a header of numbers": text("time,1,speed [rps],torque", "{t:.4f},7,{v:.5f},7"),
     "a compressed log": gzip.compress(PLAIN.encode()),
     "LabVIEW": LABVIEW + text("", "{t:.4f}\t{rpm:.3f}\t1.5").replace(".", ","),
-    "names of ROS": text(
-        "__time,header.stamp.sec,header.stamp.nanosec,velocity [rps]",
-        "{t:.1f},1710000000,{ns},{v:.5f}",
-    ),
     "dates and times": clocked("%Y-%m-%dT%H:%M:%S.%f"),
     "dates with a zone": clocked("%Y-%m-%d %H:%M:%S.%fZ"),
     "German dates": clocked("%d.%m.%Y %H:%M:%S.%f"),
@@ -105,8 +86,7 @@ ANSWERED = {
 
 REFUSED = {
     "empty": ("", "the file is empty; export the log again"),
-    "blank": (" \n\n", "nothing but blank lines"),
-    "header only": ("time,speed\n", "no rows with two numbers"),
+    "blank": (" \n\n", "nothing but blanks"),
     "prose": ("The robot was fine.\nNothing to report.\n", "last line is 'Nothing to report.'"),
     "binary": (bytes(range(256)) * 9, "export the log as CSV"),
     "MATLAB": (b"MATLAB 5.0" + bytes(99), "hand its columns over from Python"),
@@ -115,10 +95,14 @@ REFUSED = {
         text("time,speed", "{t:.3f} sec,{v:.3f} rps"),
         "last line is '4.800 sec,",
     ),
-    "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no finite"),
+    "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no number"),
     "an infinite speed": (line(500, "0.996,-inf"), "row 500: speed [rps] is '-inf'"),
-    "a huge speed": (line(500, "0.996,1e200"), "above 1e30; that is no measurement"),
+    "a huge speed": (line(500, "0.996,1e200"), "row 500: speed [rps] is '1e+200'"),
     "a second log below": (line(100, "time [s],speed [rps]"), "row 99: names in the midst"),
+    "a preface and no header": (
+        "# logger 4.2\n" + text(""),
+        "leave it out and give columns by number",
+    ),
     "a comma in a header cell": (
         text("time,motor speed, filtered [rpm]", "{t:.4f},{rpm:.3f}"),
         "its header has 3 fields, its rows have 2",
@@ -132,15 +116,27 @@ REFUSED = {
         "t [ms];speed [rpm]\n" + "".join(f"{2 * k};6,{k % 1000:03d}\n" for k in range(2400)),
         "may be 6350 or 6.350; export numbers without marks of thousands",
     ),
+    "thousands": (
+        text("time [s];speed [rpm]", "{t:.4f};{rpm:,.3f}"),
+        "numbers without units and marks of thousands",
+    ),
+    "points of thousands beside decimal commas": (
+        "t;speed [rpm];I\n" + "".join(f"0,{2 * k:05d};6.{k % 1000:03d};1,5\n" for k in range(2400)),
+        "row 2: speed [rpm] is '6,000', no number",
+    ),
+    "a stamp of ROS in two columns": (
+        text("__time,stamp.sec,stamp.nanosec,velocity [rps]", "{t:.1f},1710000000,{ns},{v:.5f}"),
+        "'stamp.nanosec' is a part of a stamp in two columns; export it as one",
+    ),
     "a scope's channels": (SCOPE + text("", "{t:.4f},{rpm:.3f},1"), "give --speed"),
     "a PLC's two times": (PLC + text("", "{t}\t{rpm}\t{t}5\t1"), "which column is the time"),
-    "a very long line": (b"1," * 100_000, "first line is longer than 65536 characters"),
+    "a very long line": (b"1," * 100_000, "a first line above 65536 characters"),
     "a very long cell": (line(500, "0.996," + "1" * 200_000), "row 500: speed [rps] is"),
     "too many fields": (line(500, "0.996,100.0,5"), "not a table (Error tokenizing data"),
     "three columns without names": (text("", "{t},{v},7"), "give --time and --speed by number"),
     "a broken gzip file": (gzip.compress(PLAIN.encode())[:9000], "or export it again"),
-    "a broken zip": (b"PK\x03\x04" + bytes(99), "not a readable workbook"),
-    "a broken Parquet file": (b"PAR1" + bytes(99), "a broken Parquet file"),
+    "a broken zip": (b"PK\x03\x04" + bytes(99), "no readable workbook or Parquet file"),
+    "a broken Parquet file": (b"PAR1" + bytes(99), "no readable workbook or Parquet file"),
     "dates that break off": (
         clocked("%Y-%m-%dT%H:%M:%S.%f").replace("17T23:59:59.000000", "17Tnever"),
         "row 502: time is no date-time",
@@ -176,8 +172,8 @@ def test_a_table_without_names_is_read_by_number(tmp_path):
 
 
 def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monkeypatch):
-    assert "a folder where a file is needed; name a file in it" in refusal(tmp_path)
-    assert f"no such file in {tmp_path}; check" in refusal(tmp_path / "missing.csv")
+    assert "Is a directory; check its name" in refusal(tmp_path)
+    assert "No such file or directory; check its name" in refusal(tmp_path / "missing.csv")
     assert "check its name" in refusal(Path("log\0.csv"))
     path = file(tmp_path, PLAIN)
 
@@ -185,7 +181,7 @@ def test_a_folder_a_missing_file_and_a_forbidden_one_are_refused(tmp_path, monke
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("builtins.open", forbidden)
-    assert "no permission to read it; ask its owner for it" in refusal(path)
+    assert "Permission denied; check its name" in refusal(path)
 
 
 # ---------------------------------------------------------------------------------------------------------------
@@ -233,32 +229,24 @@ def entities() -> bytes:
 @pytest.mark.parametrize(
     ("part", "content", "why"),
     [
-        (SHEET, bytes(2**24), "its parts unpack to 16 MiB, above 8"),
-        (SHEET, START + b"<row>" + b"<c/>" * 300_000, "more than 50,000 cells"),
-        (SHEET, START + WIDE + b"</sheetData></worksheet>", "cells; cut it"),
-        (SHEET, entities(), "not a readable workbook"),
-        ("xl/workbook.xml", entities(), "not a readable workbook"),
-        (SHEET, START + b"</sheetData></worksheet>", "nothing but blank lines"),
+        (SHEET, bytes(2**24), "it unpacks to more than 8 MiB"),
+        (SHEET, START + b"<row>" + b"<c/>" * 300_000, "more than 50,000 cells; cut it"),
+        (SHEET, START + WIDE + b"</sheetData></worksheet>", "more than 50,000 cells"),
+        (SHEET, entities(), "no readable workbook"),
+        (SHEET, START + b"</sheetData></worksheet>", "nothing but blanks"),
     ],
 )
 def test_a_hostile_workbook_is_refused(part, content, why, tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "MOST_BYTES", 2**23)
-    monkeypatch.setattr(tables, "MOST_CELLS", 400_000)
+    monkeypatch.setattr(tables, "MOST_CELLS", 50_000)
     assert why in refusal(rewritten(tmp_path / "a.xlsx", {part: content}))
-
-
-def test_a_plain_zip_is_no_workbook(tmp_path):
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w") as bundle:
-        bundle.writestr("log.csv", "0,100")
-    assert "it has no xl/workbook.xml); unpack it" in refusal(file(tmp_path, packed.getvalue()))
 
 
 def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "MOST_CELLS", 1000)
-    assert "2 columns are more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
+    assert "more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
     content = table(noisy()).to_parquet()
-    assert "2 columns are more than 1,000 cells" in refusal(file(tmp_path, content))
+    assert "more than 1,000 cells" in refusal(file(tmp_path, content))
     monkeypatch.setattr(sources, "MOST_BYTES", 2**16)
     path = file(tmp_path, gzip.compress(b"1,2\n" * 2**20))
     assert "MiB that are read; cut it to the test movement" in refusal(path)
