@@ -300,7 +300,7 @@ else:
         f"no run of {named} finds the global minimum: the best of {len(runs)} ends at "
         f"{lowest['over the global minimum']:.2f} times its RMSE of {best.rmse:.4f} rps, so its |A| says nothing"
     )
-cut = f"; the limit of {iterations} generations stopped {limited} of the others" if limited else ""
+cut = f"; runs stopped by the limit of {iterations} generations: {limited}" if limited else ""
 agreement = workbook.judge(cells)["verdict"].value_counts()
 workbook.verdict(
     f"In this run {outcome}{cut}. Of Table 1's {len(cells)} bounds {agreement.get('agrees', 0)} are those of the "

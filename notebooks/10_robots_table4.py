@@ -263,7 +263,7 @@ sample = np.arange(2400)  # 2 ms apart; a half turn has 100
 sign = np.where(sample // 100 % 2 == 0, 1.0, -1.0)
 waves = [np.sin(2 * np.pi * k * sample / 200) for k in (8, 8.5, 9)]
 parts = [(sign * wave).reshape(24, 100).mean(axis=0) for wave in waves]
-left = [part.std() / wave.std() for part, wave in zip(parts, waves, strict=True)]
+left = [np.std(part) / np.std(sign * wave) for part, wave in zip(parts, waves, strict=True)]
 print(np.round(left, 3))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]

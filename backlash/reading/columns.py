@@ -180,7 +180,7 @@ def _named_as(columns: Sequence[str], what: str) -> list[str]:
     ]
 
 
-def _better(columns: Sequence[str], is_better: Callable[[str], object]) -> Sequence[str]:
+def _better(columns: list[str], is_better: Callable[[str], object]) -> list[str]:
     """Those of the columns that are better, if there are any."""
     return [column for column in columns if is_better(column)] or columns
 

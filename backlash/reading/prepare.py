@@ -28,8 +28,8 @@ _LEAST_TURNS = 4
 _MOST_TURNS = 60  # what is beyond adds nothing but time
 _TOLERANCE = 0.03  # of a speed beside the one that was said
 _MOST_DRIFT = 0.01  # of the mean of whole turns
-_SMOOTHING_S = 0.1
-_SPIKE = 0.3
+_SMOOTHING_S = 0.1  # two periods of the ring, a fraction of a turn
+_SPIKE = 0.3  # of the speed, within a sample: no motor's torque does that
 _LEAST_VALUES = 16  # of a signal that is not merely coarse
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike
-from typing import IO
+from typing import BinaryIO
 
 import numpy as np
 import pandas as pd
@@ -85,7 +85,7 @@ def read_bytes(name: str, most: int = MOST_BYTES) -> bytes:
     return _take(sys.stdin.buffer, most)
 
 
-def _take(file: IO[bytes], most: int) -> bytes:
+def _take(file: BinaryIO | gzip.GzipFile, most: int) -> bytes:
     content = file.read(most + 1)
     if len(content) > most:
         raise Refusal(f"more than the {most // 2**20} MiB that are read; {CUT}")

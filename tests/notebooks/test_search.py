@@ -10,7 +10,7 @@ pytestmark = pytest.mark.slow
 def test_a_search_that_fails_is_said_to_fail_before_its_amplitude_is(run_notebook):
     _, text, _ = run_notebook("07", population=4, iterations=10, seeds=[1])
     assert text.startswith("In this run no run of CMA-ES finds the global minimum")
-    assert "; the limit of 10 generations stopped 1 of the others" in text
+    assert "; runs stopped by the limit of 10 generations: 1" in text
 
 
 def test_with_four_members_no_minimum_is_found_and_the_amplitude_says_nothing(run_notebook):
