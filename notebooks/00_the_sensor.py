@@ -2,7 +2,7 @@
 # # 0 · Start here: the sensor
 #
 # *You will see what backlash is, how it shows in the motor speed, and how to estimate it from a
-# log. Reading time: 8 min. Run time: 10 s. Before this: nothing but Python. Symbols and units:
+# log. Reading time: 8 min. Run time: 30 s. Before this: nothing but Python. Symbols and units:
 # [notation](glossary.md#notation).*
 #
 # ## Claim

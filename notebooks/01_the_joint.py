@@ -2,7 +2,7 @@
 # # 1 · The joint: why its motor speed rings
 #
 # *You will solve the equations of the joint and its drive with SciPy, and build up the frequency
-# and the decay of its ring, one term a step. Reading time: 11 min. Run time: 10 s. Before this:
+# and the decay of its ring, one term a step. Reading time: 11 min. Run time: 15 s. Before this:
 # notebook [0](00_the_sensor.ipynb).*
 #
 # ## Claim

@@ -2,7 +2,7 @@
 # # 2 · Stiffness and torque in the gap (equations 8 and 9, figure 9)
 #
 # *You will see what a dead zone is, and how much stiffness a smooth formula leaves inside the gap.
-# Reading time: 6 min. Run time: 10 s. Before this: notebook [1](01_the_joint.ipynb).*
+# Reading time: 6 min. Run time: 15 s. Before this: notebook [1](01_the_joint.ipynb).*
 #
 # ## Claim
 #

@@ -2,7 +2,7 @@
 # # 3 · The simulator against the published signals (figure 10), and its identification
 #
 # *You will see how far a simulated joint agrees with the published speed, which of its parameters
-# the speed tells, and how they are fitted. Reading time: 9 min. Run time: 10 s. Before this:
+# the speed tells, and how they are fitted. Reading time: 9 min. Run time: 30 s. Before this:
 # notebooks [1](01_the_joint.ipynb) and [2](02_dead_zone_figure9.ipynb).*
 #
 # ## Claim

@@ -2,7 +2,7 @@
 # # 4 · The data sets, and how the disturbance grows (figures 5 and 11)
 #
 # *You will see the records, their noise, how the disturbance of the motor speed grows with the
-# backlash, and why a little slower than in proportion. Reading time: 10 min. Run time: 10 s. Before
+# backlash, and why a little slower than in proportion. Reading time: 10 min. Run time: 30 s. Before
 # this: notebook [1](01_the_joint.ipynb).*
 #
 # ## Claim

@@ -2,7 +2,7 @@
 # # 5 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, see it over a record, and fit it with the cost of your
-# choice. Reading time: 10 min. Run time: 10 s. Before this: notebooks [0](00_the_sensor.ipynb) and
+# choice. Reading time: 10 min. Run time: 30 s. Before this: notebooks [0](00_the_sensor.ipynb) and
 # [4](04_growth_figure11.ipynb).*
 #
 # ## Claim

@@ -2,7 +2,7 @@
 # # 6 · From amplitude to backlash (equation 10, figure 12)
 #
 # *You will fit the sensor's characteristic, see in which unit it takes the amplitude, and what the
-# printed digits can tell. Reading time: 9 min. Run time: 5 s. Before this: notebook
+# printed digits can tell. Reading time: 9 min. Run time: 15 s. Before this: notebook
 # [4](04_growth_figure11.ipynb).*
 #
 # ## Claim

@@ -2,7 +2,7 @@
 # # 7 · The search: CMA-ES and Table 1's box
 #
 # *You will watch a search of two parameters, take one generation of the search of seven apart, and count how often it
-# finds the lowest misfit. Reading time: 12 min. Run time: 15 s. Before this: notebook [5](05_signature_figure6.ipynb).*
+# finds the lowest misfit. Reading time: 12 min. Run time: 20 s. Before this: notebook [5](05_signature_figure6.ipynb).*
 #
 # ## Claim
 #

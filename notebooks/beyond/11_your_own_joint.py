@@ -3,7 +3,7 @@
 #
 # *You will estimate the backlash of a joint from a log, by the torque and by a calibration, follow
 # it over months, and see when the sensor refuses; then measure a log of your own. Reading time: 10
-# min. Run time: 30 s. Before this: notebook [0](../00_the_sensor.ipynb).*
+# min. Run time: 40 s. Before this: notebook [0](../00_the_sensor.ipynb).*
 #
 # **A guide to the virtual sensor. A simulated joint replaces yours; nothing of the paper is judged
 # here.**

@@ -2,7 +2,7 @@
 # # 13 · Which search settings produced Table 2?
 #
 # *You will replay the runs that the authors stored, and compare a published table with those that candidate settings
-# give by the dozen. Reading time: 6 min. Run time: 30 s. Before this: notebooks [7](../07_search_table1.ipynb) and
+# give by the dozen. Reading time: 6 min. Run time: 20 s. Before this: notebooks [7](../07_search_table1.ipynb) and
 # [8](../08_noise_table2.ipynb).*
 #
 # ## Claim

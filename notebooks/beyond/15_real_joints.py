@@ -2,7 +2,7 @@
 # # 15 · Logs of real joints
 #
 # *You will give the sensor public logs of real joints, and see what their torque says of the gears.
-# Reading time: 4 min. Run time: 12 s. Before this: notebook [11](11_your_own_joint.ipynb).*
+# Reading time: 4 min. Run time: 15 s. Before this: notebook [11](11_your_own_joint.ipynb).*
 #
 # ## Claim
 #
