@@ -121,7 +121,7 @@ figure, axis = plt.subplots(figsize=(5.3, 2.6), layout="constrained")
 axis.plot(starts, curve, label="misfit")
 axis.plot(shown["t0_s"] % 0.4, shown["rmse_rps"], "x", label="ends of the runs")
 axis.set(xlabel="$t_0$ [s], in one turn", ylabel="RMSE [rps]")
-axis.legend()
+figure.legend(loc="outside upper right", ncols=2)
 workbook.show_figure(
     "table2_misfit_over_start",
     figure,

@@ -144,7 +144,7 @@ measured = tuple(start_p) if start_p.max() >= level else (np.nan, np.nan)
 claims = {
     "random_start": (
         published.decide("random_start", measured, criteria),
-        f"largest p of the pooled bias with a drawn start {start_p[True]:.1g}, with the whole record "
+        f"mean deviation of the ten means: largest p with a drawn start {start_p[True]:.1g}, with the whole record "
         f"{start_p[False]:.2g}",
     )
 }
