@@ -196,7 +196,8 @@ growing, falling, percent = (
 claims["quality_decreases"] = (
     published.decide("quality_decreases", (growing.pvalue, falling.pvalue), criteria),
     f"rank correlation with the error in rad {growing.statistic:+.2f}, p of an increase {growing.pvalue:.2f}, of a "
-    f"decrease {falling.pvalue:.2f}; with the error in percent {percent.statistic:+.2f}, p of a decrease {percent.pvalue:.2f}",
+    f"decrease {falling.pvalue:.2f}; with that in percent {percent.statistic:+.2f}, p of a "
+    f"decrease {percent.pvalue:.2f}",
 )
 
 # %% [markdown]
