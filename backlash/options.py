@@ -32,8 +32,8 @@ _WRONG = (
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity. The backlash scales with the gravity, of which the inertia ratio corrects a part: give both as well "
-    "as they are known. The answer prints those that fit."
+    "and --gravity. The backlash scales with the gravity, of which the inertia ratio corrects a part: give both as "
+    "well as they are known. The answer prints those that fit."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "

@@ -37,7 +37,15 @@ from backlash.driven_load import (
 )
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.turns import TURN, Harmonics, gravity_by_turn, harmonics, periodic, turn_phases
+from backlash.turns import (
+    LEAST_GRAVITY,
+    TURN,
+    Harmonics,
+    gravity_by_turn,
+    harmonics,
+    periodic,
+    turn_phases,
+)
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -101,7 +109,6 @@ class TorqueSettings:
     most_delay_ms: float = 3.0  # a current loop's and a filter's are below
     most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
     most_ripple: float = 0.1  # acceleration over gravity's; cogging and encoders make a third of it
-    least_gravity: float = 10.0  # of the torque once a turn, in its SDs
     # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
     clear: float = 25.0
     rival: float = 9.0
@@ -109,7 +116,7 @@ class TorqueSettings:
 
 
 SETTINGS = TorqueSettings()
-# The first steps of a descent, by the places of the unknowns.
+# The first steps of a descent, by the places of the unknowns: a bounce of the teeth, or about a prior's SD.
 _FIRST_STEP = np.array([0.3, 0.5, 1.0, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0, 0.1])
 
 
@@ -216,11 +223,11 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
     speed = harmonics(recording, TURN / gear_ratio * recording.v, SETTINGS.driven_hz)
     of_torque = harmonics(recording, torque, SETTINGS.driven_hz)
     gravity = abs(of_torque.coefficient[0])
-    if gravity < SETTINGS.least_gravity * of_torque.sd[0] or torque.mean() < 0:
+    if gravity < LEAST_GRAVITY * of_torque.sd[0] or torque.mean() < 0:
         significance = gravity / of_torque.sd[0]
         raise Refusal(
             f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {significance:.1f} SDs "
-            f"({SETTINGS.least_gravity:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
+            f"({LEAST_GRAVITY:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
             "positive where it drives forward, and the axis horizontal?",
             Reason.NO_GRAVITY,
         )
@@ -360,6 +367,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     best, *rivals = filter(_is_physical, candidates)
     count = 2 * problem.compared.order.size
     misfit = max(best.chi2 / count, 1.0)
+    if not np.isfinite(best.chi2):
+        raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
     covariance = misfit * np.linalg.inv(best.slopes.T @ best.slopes)
     _check_joint(problem, best, covariance, best.chi2 / count)
     if candidates[0].chi2 < best.chi2 - s.clear * misfit:

@@ -24,6 +24,7 @@ _OCTAVES = 3  # a wrong gear ratio is off by less than eight
 _DOMINATES = (
     3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
 )
+LEAST_GRAVITY = 10.0  # in SDs of its line, once a turn, in the torque
 _GRAVITYS_SHARE = 0.5  # of the torque's variance; in benches it is above 0.8
 _PHASES = 512
 _RING_HZ = 60.0  # no joint rings faster
@@ -104,9 +105,13 @@ def gravity_by_turn(recording: Recording, torque: FloatArray) -> ComplexArray:
 
 
 def period_by_torque(recording: Recording, torque: FloatArray) -> float:
-    """The turn's period [s] near the one given, by gravity's line in the torque: the drift of its phase."""
-    phase = np.unwrap(np.angle(gravity_by_turn(recording, torque)))
-    slope = np.polyfit(np.arange(phase.size), phase, 1)[0]
+    """The turn's period [s] near the one given, by the drift of the phase of gravity's line, if the torque has one."""
+    lines = gravity_by_turn(recording, torque)
+    turn = np.arange(lines.size)
+    slope = np.polyfit(turn, np.unwrap(np.angle(lines)), 1)[0]
+    aligned = lines * np.exp(-1j * slope * turn)
+    if abs(aligned.mean()) < LEAST_GRAVITY * aligned.std() / np.sqrt(turn.size):
+        return recording.turn_period_s
     return recording.turn_period_s / (1 + slope / TURN)
 
 

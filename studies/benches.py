@@ -198,9 +198,7 @@ def follow_path(
     motor_rad = start_rad + hanging / joint.stiffness + math.copysign(joint.delta_rad, hanging)
     wanted = np.cumsum([motor_rad, *speed[:-1] * CONTROL_S])
     path = np.column_stack([wanted, speed])
-    seen: FloatArray = run_joint(
-        joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging
-    )
+    seen: FloatArray = run_joint(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
     return seen
 
 

@@ -28,10 +28,7 @@ TURNS = {
 }
 # What the model lacks, each with friction of 0 to 40 % and a loss of 0 to 25 %, and the reasons that say so.
 FAULTS = {
-    "second axis, 10 % of gravity": (
-        Fault(second_axis=0.1),
-        (Reason.NOT_PERIODIC, Reason.NO_FIT),
-    ),
+    "second axis, 10 % of gravity": (Fault(second_axis=0.1), (Reason.NOT_PERIODIC, Reason.NO_FIT)),
     "torque 10 ms late": (Fault(late_torque_s=0.01), (Reason.NO_FIT,)),
     "torque low-passed at 30 Hz": (Fault(torque_filter_s=1 / (TURN * 30)), (Reason.NO_FIT,)),
     "soft spring near zero torque": (Fault(soft_share=0.4, soft_rad=3e-4), (Reason.NO_FIT,)),
@@ -89,8 +86,8 @@ def measure_log(population: str, number: int) -> dict[str, object]:
 def summarise(rows: DataFrame) -> DataFrame:
     """Of each population: joints with backlash, how many are answered and covered; healthy joints and those called.
 
-    Of all its logs, `right` are covered or rightly told to have none, `true_reason` refused for what is wrong with them,
-    and `wrong` neither right nor refused.
+    Of all its logs, `right` are covered or rightly told to have none, `true_reason` refused for what is wrong with
+    them, and `wrong` neither right nor refused.
     """
     return DataFrame(
         [_summary(str(name), part) for name, part in rows.groupby("population", sort=False)]
@@ -133,10 +130,10 @@ def write_page(sheet: DataFrame) -> str:
     lines = [
         "# The sensor's datasheet",
         "",
-        f"Simulated joints, drawn once by other code than the sensor's (seed {SEED}): rings of 12 to 50 Hz, half plays of "
-        "0.2 to 2 mrad or none, gears of 50 to 160, 333 to 1000 Hz, twelve turns, load data off by 10 and 5 % (SD). In "
-        f"all, with 95 % intervals: answered {describe_rate(total['answered'], total['joints'])}; of these the interval "
-        f"holds the truth in {describe_rate(total['covered'], total['answered'])}; false all-clears "
+        f"Simulated joints, drawn once by other code than the sensor's (seed {SEED}): rings of 12 to 50 Hz, half plays "
+        "of 0.2 to 2 mrad or none, gears of 50 to 160, 333 to 1000 Hz, twelve turns, load data off by 10 and 5 % (SD). "
+        f"In all, with 95 % intervals: answered {describe_rate(total['answered'], total['joints'])}; of these the "
+        f"interval holds the truth in {describe_rate(total['covered'], total['answered'])}; false all-clears "
         f"{describe_rate(total['false_all_clears'], total['joints'])}; healthy joints called "
         f"{describe_rate(total['healthy_called'], total['healthy'])}.",
         "",
@@ -157,8 +154,8 @@ def write_page(sheet: DataFrame) -> str:
         ),
         "",
         "Limits: rings of 10 to 60 Hz; half plays below 0.05 mrad count as none; 250 samples a second or more; load "
-        "friction and losses below gravity. Strokes to and fro are not answered. A calibration (`backlash calibrate`) holds "
-        "for the stiffness and drive of its logs, and has no row here.",
+        "friction and losses below gravity. Strokes to and fro are not answered. A calibration (`backlash calibrate`) "
+        "holds for the stiffness and drive of its logs, and has no row here.",
         "",
     ]
     return "\n".join(lines)

@@ -18,7 +18,15 @@ from backlash.estimates import Estimate, estimate
 from replication.joint import TURN
 from replication.records import public_file
 from replication.signature import FloatArray
-from studies.benches import CONTROL_S, Fault, draw_joint, follow_path, log_turns, run_turns, with_load
+from studies.benches import (
+    CONTROL_S,
+    Fault,
+    draw_joint,
+    follow_path,
+    log_turns,
+    run_turns,
+    with_load,
+)
 
 _SMOOTHING_S = 0.02  # of the speed that a rigid load follows
 _REST_RAD_S = 0.02
@@ -106,7 +114,8 @@ def answer(log: JointLog, row: Mapping[str, Any]) -> Estimate:
 def fit_rigid_load(log: JointLog) -> pd.Series:
     """Regress the torque on a rigid load under gravity, friction and a loss in the gear; with the loss's SD.
 
-    `gravity` is in the torque's unit, `friction` over it; `left` and `left_lossless` remain with and without a loss, over gravity.
+    `gravity` is in the torque's unit, with the angle `zero` at which it has none; `friction`, and what is `left` with
+    and without a loss, are over gravity.
     """
     speed = gaussian_filter1d(log.speed, _SMOOTHING_S / np.median(np.diff(log.t)))
     moving, acceleration = np.tanh(speed / _REST_RAD_S), np.gradient(speed, log.t)

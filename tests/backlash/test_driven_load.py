@@ -50,12 +50,6 @@ def test_teeth_never_pull_and_carry_nothing_inside_the_gap(problem):
     assert contact.min() < 0 < contact.max()
 
 
-def test_a_load_that_runs_away_has_no_orbit(problem):
-    made, theta = problem
-    thrown = np.where(np.arange(theta.size) == driven_load.FRICTION, 1e3, theta)
-    assert driven_load.find_orbit(thrown, made.compared, np.array([2.0, 0.0])) is None
-
-
 def gain_by_loss(problem, contact, loss=0.1):
     """What a loss adds to the torque's harmonics."""
     made, theta = problem
@@ -70,11 +64,14 @@ def gain_by_loss(problem, contact, loss=0.1):
 
 def test_a_loss_is_a_share_of_the_torque_that_the_gear_carries_whichever_way(problem):
     made, theta = problem
-    contact = 10 * np.cos(np.arange(made.compared.motion.shape[1]))
+    steps = made.compared.motion.shape[1]
+    contact = 10 * np.cos(6 * np.pi * np.arange(steps) / steps)
     size = driven_load.predict_torque(theta, made.compared, np.abs(contact))
     rest = driven_load.predict_torque(theta, made.compared, 0 * contact)
     added = gain_by_loss(problem, contact) - gain_by_loss(problem, 0 * contact)
-    assert added == pytest.approx(0.1 / 1.1 * (size - rest), rel=0.02, abs=0.02 * np.abs(added).max())
+    assert added == pytest.approx(
+        0.1 / 1.1 * (size - rest), rel=0.02, abs=0.02 * np.abs(added).max()
+    )
 
 
 def test_a_smooth_loss_has_no_kink_where_the_torque_crosses_zero(problem):
