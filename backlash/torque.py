@@ -369,7 +369,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     misfit = max(best.chi2 / count, 1.0)
     if not np.isfinite(best.chi2):
         raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
-    covariance = misfit * np.linalg.inv(best.slopes.T @ best.slopes)
+    covariance = np.asarray(misfit * np.linalg.inv(best.slopes.T @ best.slopes), dtype=float)
     _check_joint(problem, best, covariance, best.chi2 / count)
     if candidates[0].chi2 < best.chi2 - s.clear * misfit:
         overlap = f"a gap of {candidates[0].theta[DELTA]:.2g} mrad, less than none, fits best"
