@@ -33,7 +33,7 @@ _REST_RAD_S = 0.02
 _ASSUMED_GRAVITY = 10.0  # 1/s^2, given of a load without any
 _LEAST_VARIANCE = 0.04  # of a sign: below, it hardly changes
 _TWINS = 57  # seed
-_TWIN_RAD = (4e-4, 1e-3, 2e-3)  # their backlashes
+_TWIN_RAD = 1e-3  # their backlash
 _BLOCK_S = 0.5  # within which residuals are not independent
 
 
@@ -210,16 +210,13 @@ def measure_all() -> pd.DataFrame:
 
 
 def measure_twins() -> pd.DataFrame:
-    """What the sensor says of twins of each log whose gravity is known and whose loss is sure, three of each."""
+    """What the sensor says of twins of each log whose gravity is known and whose loss is sure."""
     rows = []
     for name, row in list_logs().iterrows():
         log = load_log(row)
         rigid = fit_rigid_load(log)
         if row["gravity_per_s2"] and rigid["loss"] > 3 * rigid["loss_sd"] and rigid["left"] < 0.1:
-            rows += [
-                ask_twins(log, row, delta, seed).rename(name)
-                for seed, delta in enumerate(_TWIN_RAD)
-            ]
+            rows.append(ask_twins(log, row, _TWIN_RAD, 0).rename(name))
     return pd.DataFrame(rows).rename_axis("log").reset_index()
 
 
