@@ -20,11 +20,11 @@ LOAD_SDS = (0.1, 0.05)  # relative, by which inertia ratio and gravity are misju
 BACKLASH_RAD = (2e-4, 2e-3)
 # Population: load friction over gravity, loss in the gear, logs; every sixth joint is healthy.
 TURNS = {
-    "friction 0 to 20 %, loss 0 to 10 %": ((0.0, 0.2), (0.0, 0.1), 36),
-    "friction 20 to 60 %, loss 0 to 10 %": ((0.2, 0.6), (0.0, 0.1), 36),
-    "friction 0 to 20 %, loss 10 to 25 %": ((0.0, 0.2), (0.1, 0.25), 36),
-    "friction 20 to 60 %, loss 10 to 25 %": ((0.2, 0.6), (0.1, 0.25), 36),
-    "friction 0 to 60 %, loss 25 to 40 %": ((0.0, 0.6), (0.25, 0.4), 24),
+    "friction 0 to 20 %, loss 0 to 10 %": ((0.0, 0.2), (0.0, 0.1), 6),
+    "friction 20 to 60 %, loss 0 to 10 %": ((0.2, 0.6), (0.0, 0.1), 6),
+    "friction 0 to 20 %, loss 10 to 25 %": ((0.0, 0.2), (0.1, 0.25), 6),
+    "friction 20 to 60 %, loss 10 to 25 %": ((0.2, 0.6), (0.1, 0.25), 6),
+    "friction 0 to 60 %, loss 25 to 40 %": ((0.0, 0.6), (0.25, 0.4), 6),
 }
 # What the model lacks, each with friction of 0 to 40 % and a loss of 0 to 25 %, and the reasons that say so.
 FAULTS = {
@@ -42,7 +42,7 @@ FAULTS = {
     ),
     "gear ratio doubled": (Fault(), (Reason.WRONG_PERIOD,)),
 }
-LOGS_OF_A_FAULT = 12
+LOGS_OF_A_FAULT = 6
 
 
 def measure_all(turns: int | None = None, of_a_fault: int = LOGS_OF_A_FAULT) -> DataFrame:
