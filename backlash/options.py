@@ -26,8 +26,9 @@ _WRONG = (
     'changes; "no gravity in the torque", a vertical axis, a balanced load, a torque of the wrong sign or motor; "no '
     'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
     'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, a belt, an error of '
-    'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Not seen are load '
-    "data that are wrong and fit: compare stiffness, efficiency and friction, which are printed, with the data sheet. "
+    'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Often not '
+    "seen are a torque that is low-passed at 30 Hz or below, a gear that is soft near zero torque, and load data that "
+    "are wrong and fit: compare the printed stiffness, efficiency and friction with the data sheet. "
 )
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
