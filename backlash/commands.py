@@ -13,6 +13,7 @@ from typing import Any
 from backlash import batch, estimates, trends
 from backlash.calibration import read_calibration
 from backlash.estimates import Estimate
+from backlash.options import Exit
 from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
@@ -20,7 +21,6 @@ from backlash.settings import GIVEN
 from replication.records import write_bytes, write_csv, write_text
 
 _FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
-_FAILED = 3  # exit status
 _OURS = ("total_play_high_rad", '"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
@@ -93,7 +93,7 @@ def run_estimate(options: argparse.Namespace) -> int:
         for answer in answers
         for verdict, limit_rad in failures
     )
-    return _FAILED if is_met else 0
+    return Exit.FAILED if is_met else Exit.DONE
 
 
 def _failures(text: str | None) -> list[tuple[str, float]]:

@@ -36,12 +36,12 @@ UNKNOWNS = (
 DELTA, STIFFNESS, DAMPING, FRICTION, PHASE, GRAVITY, LAG, RATIO, DRIVE, DELAY, LOSS = range(11)
 _OF_CONTACT = 7  # unknowns that the contact torque depends on, the first ones
 
-_MOST_PERIODS = 40  # simulated until the orbit closes; Newton's method needs 3 to 10
+_MOST_TURNS = 40  # simulated until the orbit closes; Newton's method needs 3 to 10
 _CLOSED_RAD = 1e-11  # a millionth of the least backlash that matters
 
 
 class Comparison(NamedTuple):
-    """Harmonics that are compared, and the motion in the middle of each time step, with its slope by the lag."""
+    """Harmonics that are compared, and the motor's motion that drives the load."""
 
     order: NDArray[np.int64]
     omega: FloatArray
@@ -52,10 +52,7 @@ class Comparison(NamedTuple):
     model_error: FloatArray  # SD
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
-    angle: FloatArray
-    angle_by_lag: FloatArray
-    acceleration: FloatArray
-    acceleration_by_lag: FloatArray
+    motion: FloatArray  # angle and acceleration in the middle of each step, each with its slope by the lag [ms]
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
 
 
@@ -71,15 +68,15 @@ def compare(
     power = np.abs(torque.coefficient) ** 2
     power[1:] = uniform_filter1d(power[1:], 7)
     turn_s = TURN / speed.omega[0]
-    steps = 2 * next_fast_len(
-        int(max(turn_s / step_s, 2 * speed.order.size + 2) / 2) + 1, real=True
-    )
+    least = int(max(turn_s / step_s, 2 * speed.order.size + 2) / 2) + 1
+    steps = 2 * next_fast_len(least, real=True)
     half_step = np.exp(0.5j * turn_s / steps * speed.omega)
     waves = np.zeros((4, steps // 2 + 1), dtype=complex)
-    for k, (of_lag, derivative) in enumerate([(1.0, -1), (1e-3, 0), (1.0, 1), (1e-3, 2)]):
-        motion = of_lag * speed.coefficient * (1j * speed.omega) ** derivative
+    for k, (factor, derivative) in enumerate([(1.0, -1), (1e-3, 0), (1.0, 1), (1e-3, 2)]):
+        motion = factor * speed.coefficient * (1j * speed.omega) ** derivative
         waves[k, speed.order] = half_step * motion
-    angle, angle_by_lag, acceleration, acceleration_by_lag = np.fft.irfft(waves, steps) * steps
+    motion = np.fft.irfft(waves, steps) * steps
+    motion[0] += TURN / steps * (np.arange(steps) + 0.5)
     return Comparison(
         order=speed.order[used],
         omega=speed.omega[used],
@@ -90,212 +87,196 @@ def compare(
         model_error=model_error * np.sqrt(power / 2)[used],
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
-        angle=angle + TURN / steps * (np.arange(steps) + 0.5),
-        angle_by_lag=angle_by_lag,
-        acceleration=acceleration,
-        acceleration_by_lag=acceleration_by_lag,
+        motion=motion,
         smoothing=smoothing,
     )
 
 
 @njit
-def _mean_penetration(first, last):
-    """Mean of what is above 0 on a straight course from one depth to another, the share of the course, their slopes."""
-    most, least = max(first, last), min(first, last)
-    if most <= 0:
+def _mean_depth(a, b):
+    """Mean of what is above 0 on a straight course from depth a to b, that share of it, and their slopes by a and b."""
+    if a <= 0 and b <= 0:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if least >= 0:
-        return 0.5 * (most + least), 1.0, 0.5, 0.5, 0.0, 0.0
-    share = most / (most - least)
-    by_least = 0.5 * share * share
-    by_most = share - by_least
-    share_by_least = most / (most - least) ** 2
-    share_by_most = -least / (most - least) ** 2
-    if first > last:
-        return 0.5 * share * most, share, by_most, by_least, share_by_most, share_by_least
-    return 0.5 * share * most, share, by_least, by_most, share_by_least, share_by_most
+    if a >= 0 and b >= 0:
+        return 0.5 * (a + b), 1.0, 0.5, 0.5, 0.0, 0.0
+    above_a, above_b = max(a, 0.0), max(b, 0.0)
+    mean = 0.5 * (above_b**2 - above_a**2) / (b - a)
+    share = (above_b - above_a) / (b - a)
+    by_a, by_b = (mean - above_a) / (b - a), (above_b - mean) / (b - a)
+    return mean, share, by_a, by_b, (share - (a > 0)) / (b - a), ((b > 0) - share) / (b - a)
 
 
 @njit
-def _simulate_turn(theta, motion, start, columns, contact, slopes):
-    """Contact torque in each step of the turn that begins at `start`, and the first `columns` of its slopes.
+def _contact_torque(x, v, h, delta, K, D):
+    """The contact torque of a step h, and its slopes by x, x', delta [mrad], ln K and ln of the damping ratio.
 
-    Columns are by x and x' at the start, then by the unknowns. The contact torque of a step is its mean along a
-    straight course, which makes it smooth in all of them. Returns x and x' at the end with their slopes.
+    It is the mean along the straight course from x to x + h x', which makes it smooth in all of them.
     """
-    h = motion.step_s
+    p = p_x = p_v = p_delta = touching = touching_x = touching_v = touching_delta = 0.0
+    for side in (1.0, -1.0):
+        depth = side * x - delta
+        mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth, depth + side * h * v)
+        p += side * mean
+        p_x += by_a + by_b
+        p_v += h * by_b
+        p_delta -= side * (by_a + by_b)
+        touching += share
+        touching_x += side * (share_a + share_b)
+        touching_v += side * h * share_b
+        touching_delta -= share_a + share_b
+    c = K * p + D * touching * v
+    if touching <= 1 and c * p <= 0:  # teeth do not pull
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    c_x = K * p_x + D * v * touching_x
+    c_v = K * p_v + D * v * touching_v + D * touching
+    c_delta = 1e-3 * (K * p_delta + D * v * touching_delta)
+    return c, c_x, c_v, c_delta, K * p + 0.5 * D * touching * v, D * touching * v
+
+
+@njit
+def _simulate_turn(theta, h, force, cosine, drive_by, state, state_by, contact_by):
+    """Move x and x' on by a turn of x'' = force - cosine x - c, with their slopes, shape (2, columns); return c.
+
+    Columns are x and x' at the turn's start, then the unknowns; `contact_by` receives the slopes of c.
+    """
     delta, K = 1e-3 * theta[DELTA], np.exp(theta[STIFFNESS])
     D = 2 * np.exp(theta[DAMPING]) * np.sqrt(K)
-    gravity = np.exp(theta[GRAVITY])
-    friction, lag = theta[FRICTION], theta[LAG]
-    x, v = start
-    end = np.eye(2, 2 + _OF_CONTACT)
-    force_by, falling_by, contact_by = np.zeros((3, 2 + _OF_CONTACT))
-    force_by[2 + FRICTION] = gravity
-    for i in range(contact.size):
-        angle = motion.angle[i] + lag * motion.angle_by_lag[i] + theta[PHASE]
-        sine, cosine = gravity * np.sin(angle), gravity * np.cos(angle)
-        force = motion.acceleration[i] + lag * motion.acceleration_by_lag[i]
-        force += sine + gravity * friction
-        p = touch = p_by_x = p_by_end = touch_by_x = touch_by_end = 0.0
-        p_by_gap = touch_by_gap = 0.0
-        for side in (1.0, -1.0):
-            depth = side * x - delta
-            mean, share, a, b, c, e = _mean_penetration(depth, depth + side * h * v)
-            p += side * mean
-            touch += share
-            p_by_x += a
-            p_by_end += b
-            touch_by_x += side * c
-            touch_by_end += side * e
-            p_by_gap += side * (a + b)
-            touch_by_gap += c + e
-        pressed = K * p + D * touch * v
-        is_parting = touch <= 1 and pressed * p <= 0  # teeth do not pull
-        contact[i] = 0.0 if is_parting else pressed
+    contact = np.empty(force.size)
+    c_by = np.zeros(2 + _OF_CONTACT)
+    x, v = state
+    for i in range(force.size):
+        c, c_x, c_v, c_by[2 + DELTA], c_by[2 + STIFFNESS], c_by[2 + DAMPING] = _contact_torque(
+            x, v, h, delta, K, D
+        )
+        contact[i] = c
         middle = x + 0.5 * h * v
-        v_end = v + h * (force - cosine * middle - contact[i])  # sin(q) to the first order in x
-        if columns > 2:
-            force_by[2 + PHASE], falling_by[2 + PHASE] = cosine, -sine
-            force_by[2 + GRAVITY], falling_by[2 + GRAVITY] = sine + gravity * friction, cosine
-            force_by[2 + LAG] = motion.acceleration_by_lag[i] + cosine * motion.angle_by_lag[i]
-            falling_by[2 + LAG] = -sine * motion.angle_by_lag[i]
-            contact_by[2 + DELTA] = -1e-3 * (K * p_by_gap + D * v * touch_by_gap)
-            contact_by[2 + STIFFNESS] = K * p + 0.5 * D * touch * v
-            contact_by[2 + DAMPING] = D * touch * v
-        for k in range(columns):
-            x_by, v_by = end[0, k], end[1, k]
-            by = 0.0
-            if not is_parting:
-                by = contact_by[k] + K * (p_by_x * x_by + p_by_end * (x_by + h * v_by))
-                by += D * v * (touch_by_x * x_by + touch_by_end * (x_by + h * v_by))
-                by += D * touch * v_by
-            slopes[k, i] = by
-            falling = falling_by[k] * middle + cosine * (x_by + 0.5 * h * v_by)
-            end[1, k] = v_by + h * (force_by[k] - falling - by)
-            end[0, k] = x_by + 0.5 * h * (v_by + end[1, k])
+        v_end = v + h * (force[i] - cosine[i] * middle - c)
+        for k in range(state_by.shape[1]):
+            x_k, v_k = state_by[0, k], state_by[1, k]
+            middle_k = x_k + 0.5 * h * v_k
+            c_k = c_by[k] + c_x * x_k + c_v * v_k
+            others_k = drive_by[0, k, i] - drive_by[1, k, i] * middle - cosine[i] * middle_k
+            v_end_k = v_k + h * (others_k - c_k)
+            state_by[0, k] += 0.5 * h * (v_k + v_end_k)
+            state_by[1, k] = v_end_k
+            contact_by[k, i] = c_k
         x += 0.5 * h * (v + v_end)
         v = v_end
-    return x, v, end
+    state[0], state[1] = x, v
+    return contact
 
 
-@njit
-def _solve_orbit(end, dx, dv):
-    """The change of the start that a miss of the orbit asks for: (1 - end's slopes by the start) change = miss."""
-    (xx, xv), (vx, vv) = end[0, :2], end[1, :2]
-    determinant = (1 - xx) * (1 - vv) - xv * vx
-    return ((1 - vv) * dx + xv * dv) / determinant, (vx * dx + (1 - xx) * dv) / determinant
+def _drive_load(theta: FloatArray, c: Comparison) -> tuple[FloatArray, FloatArray]:
+    """What drives the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x."""
+    angle, angle_by_lag, acceleration, acceleration_by_lag = c.motion
+    angle = angle + theta[LAG] * angle_by_lag + theta[PHASE]
+    g = np.exp(theta[GRAVITY])
+    force = acceleration + theta[LAG] * acceleration_by_lag
+    return force + g * (np.sin(angle) + theta[FRICTION]), g * np.cos(angle)
 
 
-@njit
-def find_periodic_orbit(theta, motion, start, contact, slopes):
-    """Newton's method for the turn that comes back to its start, which is changed in place; whether it does."""
+def _drive_slopes(theta: FloatArray, c: Comparison, cosine: FloatArray) -> FloatArray:
+    """Slopes of force and cosine by the columns, shape (2, columns, steps)."""
+    angle, angle_by_lag, _, acceleration_by_lag = c.motion
+    g = np.exp(theta[GRAVITY])
+    sine = g * np.sin(angle + theta[LAG] * angle_by_lag + theta[PHASE])
+    by = np.zeros((2, 2 + _OF_CONTACT, angle.size))
+    by[0, 2 + FRICTION] = g
+    by[:, 2 + PHASE] = cosine, -sine
+    by[:, 2 + GRAVITY] = sine + g * theta[FRICTION], cosine
+    by[:, 2 + LAG] = acceleration_by_lag + cosine * angle_by_lag, -sine * angle_by_lag
+    return by
+
+
+class Orbit(NamedTuple):
+    """A periodic orbit: x and x' where the turn begins, and the contact torque of each step."""
+
+    start: FloatArray
+    contact: FloatArray
+
+
+def find_orbit(theta: FloatArray, c: Comparison, start: FloatArray) -> Orbit | None:
+    """Find the turn that ends where it begins, by Newton's method; None where there is none."""
+    force, cosine = _drive_load(theta, c)
+    drive_by, contact_by = np.zeros((2, 2, force.size)), np.empty((2, force.size))
     before = np.inf
-    for _ in range(_MOST_PERIODS):
-        x, v, end = _simulate_turn(theta, motion, start, 2, contact, slopes)
-        dx, dv = x - start[0], v - start[1]
-        off = abs(dx) + abs(dv) * np.exp(-0.5 * theta[STIFFNESS])
+    for _ in range(_MOST_TURNS):
+        end, end_by = start.copy(), np.eye(2)
+        contact = _simulate_turn(theta, c.step_s, force, cosine, drive_by, end, end_by, contact_by)
+        miss, system = end - start, np.eye(2) - end_by
+        off = abs(miss[0]) + abs(miss[1]) * np.exp(-0.5 * theta[STIFFNESS])
         if off < _CLOSED_RAD:
-            return True
+            return Orbit(start, contact)
         if not off < 1.0:  # ran away
-            return False
-        if off < before and _determinant(end) > 1e-9:
-            dx, dv = _solve_orbit(end, dx, dv)
-        start[0] += dx
-        start[1] += dv
+            return None
+        is_closing = off < before and abs(np.linalg.det(system)) > 1e-9
+        start = start + (np.linalg.solve(system, miss) if is_closing else miss)
         before = off
-    return False
+    return None
 
 
-@njit
-def _determinant(end):
-    return (1 - end[0, 0]) * (1 - end[1, 1]) - end[0, 1] * end[1, 0]
+def _contact_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> ComplexArray:
+    """Slopes of the harmonics of c + mu |c| by the unknowns that c depends on, shape (7, harmonics)."""
+    force, cosine = _drive_load(theta, c)
+    end, end_by = orbit.start.copy(), np.eye(2, 2 + _OF_CONTACT)
+    contact_by = np.empty((2 + _OF_CONTACT, force.size))
+    drive_by = _drive_slopes(theta, c, cosine)
+    _simulate_turn(theta, c.step_s, force, cosine, drive_by, end, end_by, contact_by)
+    contact_by *= 1 + theta[LOSS] * orbit.contact / _size(orbit.contact, c)
+    by = _at_harmonics(contact_by, c)
+    # The orbit's start moves with the unknowns, so that the turn ends where it begins.
+    start_by = np.linalg.solve(np.eye(2) - end_by[:, :2], end_by[:, 2:])
+    return by[2:] + start_by.T @ by[:2]
 
 
-@njit
-def orbit_slopes(theta, motion, start, contact, slopes):
-    """Slopes of the periodic orbit's contact torque by the unknowns; whether there are any."""
-    _, _, end = _simulate_turn(theta, motion, start, 2 + _OF_CONTACT, contact, slopes)
-    if abs(_determinant(end)) < 1e-9:
-        return False
-    for k in range(2, 2 + _OF_CONTACT):
-        x_by, v_by = _solve_orbit(end, end[0, k], end[1, k])
-        for i in range(contact.size):
-            slopes[k, i] += x_by * slopes[0, i] + v_by * slopes[1, i]
-    return True
+def _at_harmonics(wave: FloatArray, c: Comparison) -> ComplexArray:
+    return np.asarray(np.fft.rfft(wave)[..., c.order] / c.mid_step)
 
 
-class Prediction(NamedTuple):
-    """The torque's harmonics by the model with their SDs, and the slopes of both: of the harmonics, and of ln SD."""
-
-    torque: ComplexArray
-    sd: FloatArray
-    torque_by: ComplexArray  # shape (unknowns, harmonics)
-    ln_sd_by: FloatArray
-
-
-def predict_torque(
-    theta: FloatArray, c: Comparison, contact: FloatArray, contact_by: FloatArray
-) -> Prediction:
-    """Predict the torque's harmonics from the contact torque of a turn and its slopes, shape (7 or 0, steps)."""
-    K, zeta = np.exp(theta[STIFFNESS]), np.exp(theta[DAMPING])
-    rho, N_J_m = np.exp(theta[RATIO]), np.exp(theta[DRIVE])
-    iw = 1j * c.omega
-    late = np.exp(-1e-3 * theta[DELAY] * iw)
-    lagged = 1 + 1e-3 * theta[LAG] * iw
-    size = np.sqrt(contact**2 + c.smoothing**2)  # |c|, smooth where the torque crosses zero
-    carried, lost = np.fft.rfft([contact + theta[LOSS] * size, size])[:, c.order] / c.mid_step
-    inertial = iw * c.speed
-    torque = N_J_m * late * (inertial * lagged + rho * carried)
-
-    # Of the speed's noise, by the joint with its teeth in contact.
-    spring = K + 2 * zeta * np.sqrt(K) * iw
-    compliance = 1 / (spring - c.omega**2)
-    stiff = 1 + rho * spring * compliance
-    by_speed = (N_J_m * c.omega * np.abs(lagged) * np.abs(stiff) * c.speed_sd) ** 2
-    variance = by_speed + c.torque_sd**2 + c.model_error**2
-
-    torque_by = np.zeros((len(UNKNOWNS), c.order.size), dtype=complex)
-    ln_sd_by = np.zeros((len(UNKNOWNS), c.order.size))
-    if contact_by.size:
-        gain = N_J_m * late * rho
-        pressed_by = contact_by * (1 + theta[LOSS] * contact / size)
-        torque_by[:_OF_CONTACT] = gain * np.fft.rfft(pressed_by)[:, c.order] / c.mid_step
-        torque_by[LAG] += N_J_m * late * inertial * 1e-3 * iw
-        torque_by[RATIO] = gain * carried
-        torque_by[LOSS] = gain * lost
-        torque_by[DRIVE] = torque
-        torque_by[DELAY] = -1e-3 * iw * torque
-        stiff_by = -rho * c.omega**2 * compliance**2 / stiff
-        ln_sd_by[STIFFNESS] = (stiff_by * 0.5 * (spring + K)).real
-        ln_sd_by[DAMPING] = (stiff_by * (spring - K)).real
-        ln_sd_by[LAG] = (1e-3 * iw / lagged).real
-        ln_sd_by[RATIO] = ((stiff - 1) / stiff).real
-        ln_sd_by[DRIVE] = 1.0
-        ln_sd_by *= by_speed / variance
-    return Prediction(torque, np.sqrt(variance), torque_by, ln_sd_by)
+def predict_torque(theta: FloatArray, c: Comparison, contact: FloatArray) -> ComplexArray:
+    """The torque's harmonics by the contact torque of a turn: N J_m (a / N + rho (c + mu |c|)), late."""
+    lagged, late = 1 + 1e-3j * theta[LAG] * c.omega, np.exp(-1e-3j * theta[DELAY] * c.omega)
+    acceleration = 1j * c.omega * lagged * c.speed
+    carried = _at_harmonics(contact + theta[LOSS] * _size(contact, c), c)
+    return np.exp(theta[DRIVE]) * late * (acceleration + np.exp(theta[RATIO]) * carried)
 
 
-def solve_load(
-    theta: FloatArray, c: Comparison, start: FloatArray, wants_slopes: bool
-) -> Prediction | None:
-    """Predict the torque by the periodic orbit; `start` moves to the orbit's own; None where there is no orbit."""
-    contact = np.empty(c.angle.size)
-    slopes = np.empty((2 + _OF_CONTACT, contact.size))
-    if not find_periodic_orbit(theta, c, start, contact, slopes):
-        return None
-    if wants_slopes and not orbit_slopes(theta, c, start, contact, slopes):
-        return None
-    return predict_torque(theta, c, contact, slopes[2:] if wants_slopes else slopes[:0])
+def _size(contact: FloatArray, c: Comparison) -> FloatArray:
+    """|c|, smooth where the torque crosses zero."""
+    return np.sqrt(contact**2 + c.smoothing**2)
 
 
-def residuals(
-    theta: FloatArray, c: Comparison, start: FloatArray, wants_slopes: bool
-) -> tuple[FloatArray, FloatArray] | None:
-    """Real and imaginary parts of the residuals over their SDs, and their slopes, shape (numbers, unknowns)."""
-    predicted = solve_load(theta, c, start, wants_slopes)
-    if predicted is None:
-        return None
-    left = (predicted.torque - c.torque) / predicted.sd
-    by = predicted.torque_by / predicted.sd - left * predicted.ln_sd_by
-    return np.concatenate([left.real, left.imag]), np.hstack([by.real, by.imag]).T
+def torque_sd(theta: FloatArray, c: Comparison) -> FloatArray:
+    """SD of each harmonic: the torque's noise, that of the speed by the joint with its teeth in contact, the model's.
+
+    The unknowns have the shape (unknowns, ...), the SDs (..., harmonics).
+    """
+    value = theta[..., None]
+    K, zeta = np.exp(value[STIFFNESS]), np.exp(value[DAMPING])
+    lagged = 1 + 1e-3j * value[LAG] * c.omega
+    spring = K + 2j * zeta * np.sqrt(K) * c.omega
+    stiff = lagged * (1 + np.exp(value[RATIO]) * spring / (spring - c.omega**2))
+    by_speed = np.exp(value[DRIVE]) * c.omega * np.abs(stiff) * c.speed_sd
+    return np.sqrt(by_speed**2 + c.torque_sd**2 + c.model_error**2)
+
+
+def residuals(theta: FloatArray, c: Comparison, orbit: Orbit) -> FloatArray:
+    """What the model leaves of the torque's harmonics over their SDs, real and imaginary parts in turn."""
+    left = (predict_torque(theta, c, orbit.contact) - c.torque) / torque_sd(theta, c)
+    return left.view(float)
+
+
+def residual_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> FloatArray:
+    """Slopes of the residuals by the unknowns, shape (residuals, unknowns)."""
+    torque, sd = predict_torque(theta, c, orbit.contact), torque_sd(theta, c)
+    drive = np.exp(theta[DRIVE] - 1e-3j * theta[DELAY] * c.omega)
+    size = _size(orbit.contact, c)
+    by = np.zeros((len(UNKNOWNS), c.order.size), dtype=complex)
+    by[:_OF_CONTACT] = _contact_slopes(theta, c, orbit)
+    by[LOSS], by[RATIO] = _at_harmonics(np.array([size, orbit.contact + theta[LOSS] * size]), c)
+    by *= drive * np.exp(theta[RATIO])
+    by[LAG] -= 1e-3 * drive * c.omega**2 * c.speed
+    by[DRIVE] = torque
+    by[DELAY] = -1e-3j * c.omega * torque
+    sd_by = (torque_sd(theta[:, None] + 1e-6 * np.eye(theta.size), c) - sd) / 1e-6
+    return ((by - (torque - c.torque) * sd_by / sd) / sd).view(float).T

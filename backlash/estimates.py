@@ -115,8 +115,8 @@ def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
         f"stiffness {joint['stiffness_per_s2'][0]:.3g} per s^2 of the load's inertia ({ring_hz:.1f} Hz with the motor "
         f"held), gear efficiency {1 / (1 + joint['loss'][0]):.2f}, load friction {joint['friction_share'][0]:.1%} of "
         "gravity: as in the data sheet?",
-        f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2 (the backlash is proportional to it), inertia ratio "
-        f"{joint['inertia_ratio'][0]:.3g}, motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
+        f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
+        f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
         f"{joint['torque_delay_ms'][0]:.1f} ms late",
     ]
 

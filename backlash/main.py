@@ -9,11 +9,9 @@ import warnings
 from importlib import import_module
 from pathlib import Path
 
-from backlash.options import UNUSABLE, parser
+from backlash.options import Exit, parser
 from backlash.refusals import Refusal, one_line
 
-DEFECT = 1
-_INTERRUPTED = 130
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 _UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
@@ -25,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command of the sensor; whatever happens, no traceback, and no library's warnings."""
     if sys.stdout is None:
         print("the answer cannot be written (the standard output is closed)", file=sys.stderr)
-        return DEFECT
+        return Exit.DEFECT
     os.environ["MPLBACKEND"] = "agg"  # plots are written to files, whatever the user's backend is
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
@@ -47,18 +45,18 @@ def _ending(error: BaseException) -> tuple[int, str]:
     """Exit status that an error ends a command with, and the line that says why."""
     causes = (error, error.__cause__, error.__context__)  # compiled code makes Ctrl-C a cause
     if any(isinstance(each, KeyboardInterrupt) for each in causes):
-        return _INTERRUPTED, "interrupted; with --out the same command goes on"
+        return Exit.INTERRUPTED, "interrupted; with --out the same command goes on"
     if isinstance(error, Refusal):
-        return UNUSABLE, str(error)
+        return Exit.UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
         # Nothing is left to be flushed at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         is_read = error.errno != errno.EPIPE
-        return DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
+        return Exit.DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
     if isinstance(error, OSError) and error.filename is not None:
-        return UNUSABLE, one_line(f"{error.filename}: {error.strerror}; check the name")
+        return Exit.UNUSABLE, one_line(f"{error.filename}: {error.strerror}; check the name")
     if isinstance(error, MemoryError):
-        return UNUSABLE, "too large for this machine's memory; cut it to the test movement"
+        return Exit.UNUSABLE, "too large for this machine's memory; cut it to the test movement"
     place = traceback.extract_tb(error.__traceback__)[-1]
     what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
-    return DEFECT, one_line(f"a defect of the program, please report it: {what}")
+    return Exit.DEFECT, one_line(f"a defect of the program, please report it: {what}")

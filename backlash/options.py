@@ -1,26 +1,40 @@
 """The command line's options, in groups, the recommended way first."""
 
 import argparse
+from enum import IntEnum
 from pathlib import Path
 
 from backlash import __version__
 from backlash.reading import UNITS
 from backlash.refusals import one_line
 
-UNUSABLE = 2  # exit status
 METHODS = ("torque", "waveform", "amplitude")
 
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
-    "with an off-centre load whose gravity is above its friction."
+    "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered."
 )
 _STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
+_EXAMPLE = (
+    "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
+    "or more: backlash estimate log.csv --unit rpm --torque torque --gear-ratio 100 --motor-inertia 1e-4 "
+    "--load-mass 20 --load-arm 0.4."
+)
+_WRONG = (
+    'What can go wrong is told by "cannot tell" and its reason: "not constant speed", strokes or an override that '
+    'changes; "no gravity in the torque", a vertical axis, a balanced load, a torque of the wrong sign or motor; "no '
+    'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
+    'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, a belt, an error of '
+    'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Often not '
+    "seen are a torque that is low-passed at 30 Hz or below, a gear that is soft near zero torque, and load data that "
+    "are wrong and fit: compare the printed stiffness, efficiency and friction with the data sheet. "
+)
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity. The backlash is about proportional to the gravity (20 percent off: up to 20) and hardly depends on "
-    "the inertia ratio (30 percent off: up to 10)."
+    "and --gravity. The backlash scales with the gravity, of which the inertia ratio corrects a part: give both as "
+    "well as they are known. The answer prints those that fit."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
@@ -30,10 +44,20 @@ _SIDES = (
 _SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, A, for trends."
 
 
+class Exit(IntEnum):
+    """Exit statuses, as the help says them; 130 is that of shells."""
+
+    DONE = 0
+    DEFECT = 1
+    UNUSABLE = 2
+    FAILED = 3
+    INTERRUPTED = 130
+
+
 class _OneLineParser(argparse.ArgumentParser):
     def error(self, message: str):
         """Say in one line what is wrong with the arguments, and exit."""
-        self.exit(UNUSABLE, one_line(f"{self.prog}: {message}; see --help") + "\n")
+        self.exit(Exit.UNUSABLE, one_line(f"{self.prog}: {message}; see --help") + "\n")
 
 
 def _path(text: str) -> Path:
@@ -48,8 +72,9 @@ def parser() -> argparse.ArgumentParser:
     whole = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
     whole.add_argument("--version", action="version", version=__version__)
     commands = whole.add_subparsers(required=True, metavar="COMMAND", dest="command")
+    what = "backlash (half of the play) from logs of the motor encoder and torque"
     estimate = commands.add_parser(
-        "estimate", help="backlash (half of the play) from logs of the motor encoder and torque"
+        "estimate", help=what, description=f"{_ABOUT} {_EXAMPLE}", epilog=_WRONG + _STATUS
     )
     what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
     estimate.set_defaults(run=lambda commands, options: commands.run_estimate(options))

@@ -5,12 +5,14 @@ many backlashes and frictions, because each bounce of the teeth more or less is 
 the lowest end until none is lower. That is the answer, unless another backlash fits nearly as well.
 """
 
+import math
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from backlash.driven_load import (
     DAMPING,
@@ -26,22 +28,28 @@ from backlash.driven_load import (
     STIFFNESS,
     UNKNOWNS,
     Comparison,
+    Orbit,
     compare,
+    find_orbit,
+    predict_torque,
+    residual_slopes,
     residuals,
-    solve_load,
 )
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.turns import TURN, Harmonics, gravity_by_turn, harmonics, periodic, turn_phases
+from backlash.turns import (
+    LEAST_GRAVITY,
+    TURN,
+    Harmonics,
+    gravity_by_turn,
+    harmonics,
+    periodic,
+    turn_phases,
+)
 from replication.records import Recording
 from replication.signature import FloatArray
 
 NORMAL_95 = 1.96  # half width over SD of a 95 % interval
-MOTOR_ORDERS = (
-    1,
-    2,
-    6,
-)  # of the motor's turn: encoders err once and twice, torques ripple with the phases
 
 
 @dataclass(frozen=True)
@@ -52,31 +60,27 @@ class TorqueSettings:
     """
 
     driven_hz: float = 300.0  # of the motion that drives the load: five times the fastest ring
-    fitted_hz: float = (
-        100.0  # of the torque that is compared: beyond, benches' logs hold noise alone
-    )
+    fitted_hz: float = 100.0  # of the torque: beyond, benches' logs hold noise alone
     rings_hz: tuple[float, float] = (10.0, 60.0)  # industrial joints: 8 to 60 Hz
     step_s: float = 7e-4  # an eighth of a radian of a ring of 30 Hz
     most_harmonics: int = 80
     search_harmonics: int = 20  # with few harmonics the misfit has few minima
     least_harmonics: int = 12  # more numbers than unknowns
+    # Of the motor's turn: encoders err once and twice, torques ripple with the phases.
+    motor_orders: tuple[int, ...] = (1, 2, 6)
     # Of the torque: cogging's side bands, friction that is not constant. In the search the load's data are still wrong.
     model_error: float = 0.02
     search_model_error: float = 0.1
     loss_smoothing: float = 0.01  # of gravity, within which the loss changes its sign
 
-    # Means and SDs of the priors; industrial joints ring at 10 to 50 Hz with damping ratios of 0.01 to 0.1,
-    # filters lag by 0.2 to 1.5 ms, and gears lose 2 to 30 % (data sheets of strain wave and cycloidal gears).
-    ring_hz: float = 22.0
-    damping: float = 0.04
-    lag_ms: float = 0.7
-    loss: float = 0.05
-    stiffness_sd: float = 1.5
-    damping_sd: float = 0.5
-    friction_sd: float = 0.3
-    lag_sd_ms: float = 0.5
-    delay_sd_ms: float = 2.0
-    loss_sd: float = 0.15
+    # Means and SDs of the priors. Industrial joints ring at 10 to 50 Hz with damping ratios of 0.01 to 0.1, filters lag
+    # by 0.2 to 1.5 ms, gears lose 2 to 30 % (data sheets of strain wave and cycloidal gears).
+    ln_stiffness: tuple[float, float] = (2 * math.log(TURN * 22.0), 1.5)
+    ln_damping: tuple[float, float] = (math.log(0.04), 0.5)
+    friction: tuple[float, float] = (0.0, 0.3)
+    lag_ms: tuple[float, float] = (0.7, 0.5)
+    delay_ms: tuple[float, float] = (0.0, 2.0)
+    loss: tuple[float, float] = (0.05, 0.15)
     negative_friction: float = 10.0  # times the weight of a positive one
     friction_beyond_sd: float = 0.05  # by which the load's friction may exceed all friction
 
@@ -89,7 +93,10 @@ class TorqueSettings:
         product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45))
     )
     most_rounds: int = 4
-    most_steps: int = 100  # of a descent; most need 15
+    # Shares of chi squared, about a hundred, by which a step that ends a descent lowers it: 2, 0.1, and nothing.
+    rough_tolerance: float = 2e-2
+    tolerance: float = 1e-3
+    last_tolerance: float = 1e-8
     overlap_mrad: float = 0.01  # a gap that is less than none by more is no joint's
 
     # Errors beyond what noise explains: on 20 benches of a seed of their own the errors' SD was 0.55 of that with 0.07.
@@ -100,11 +107,8 @@ class TorqueSettings:
     most_chi2_of_none: float = 1.5  # noise alone exceeds this in 3 of 10,000 logs
     most_off: float = 3.5  # SDs of the load's data and of the loss
     most_delay_ms: float = 3.0  # a current loop's and a filter's are below
-    most_change: float = (
-        0.03  # of gravity's torque from turn to turn: a backlash that is off by as much is covered
-    )
+    most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
     most_ripple: float = 0.1  # acceleration over gravity's; cogging and encoders make a third of it
-    least_gravity: float = 10.0  # of the torque once a turn, in its SDs
     # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
     clear: float = 25.0
     rival: float = 9.0
@@ -112,9 +116,8 @@ class TorqueSettings:
 
 
 SETTINGS = TorqueSettings()
-_NO_ORBIT = 1e6  # residuals where the load runs away
-# The longest steps of a descent, by the places of the unknowns.
-_LONGEST_STEP = np.array([0.3, 0.5, 1.0, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0, 0.1])
+# The first steps of a descent, by the places of the unknowns: a bounce of the teeth, or about a prior's SD.
+_FIRST_STEP = np.array([0.3, 0.5, 1.0, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0, 0.1])
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,6 @@ class TorqueFit:
 
     delta_rad: float  # half of the play
     interval_rad: tuple[float, float]  # 95 %
-    sd_rad: float
     is_none: bool  # the backlash is negligible, and one that is not fits clearly worse
     chi_squared: float  # per compared number
     joint: dict[str, tuple[float, float]]  # quantities of the joint, each with its SD
@@ -136,6 +138,7 @@ class Candidate(NamedTuple):
     theta: FloatArray
     start: FloatArray
     chi2: float
+    slopes: FloatArray = np.empty(0)  # of the residuals, where a descent has ended
 
 
 class MeasuredTurn(NamedTuple):
@@ -157,61 +160,61 @@ class Problem(NamedTuple):
     sd: FloatArray
     most_friction: float  # of the load: all friction
 
-    def residuals(
-        self, theta: FloatArray, start: FloatArray, wants_slopes: bool = False
-    ) -> tuple[FloatArray, FloatArray]:
-        """Residuals over their SDs, those of the priors below; huge ones where there is no periodic orbit."""
+    def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances from what is known beforehand over their SDs, and their slopes."""
         weight = 1 / self.sd
         weight[FRICTION] *= 1 if theta[FRICTION] > 0 else SETTINGS.negative_friction
-        beyond = max(theta[FRICTION] - self.most_friction, 0) / SETTINGS.friction_beyond_sd
-        prior = np.append((theta - self.mean) * weight, beyond)
-        by_prior = np.vstack([np.diag(weight), np.zeros(theta.size)])
-        by_prior[-1, FRICTION] = (beyond > 0) / SETTINGS.friction_beyond_sd
-        orbit = start.copy()
-        solved = residuals(theta, self.compared, orbit, wants_slopes)
-        if solved is None:
-            count = 2 * self.compared.order.size
-            return np.full(count + prior.size, _NO_ORBIT), np.zeros(
-                (count + prior.size, theta.size)
-            )
-        start[:] = orbit
-        return np.concatenate([solved[0], prior]), np.vstack([solved[1], by_prior])
+        beyond = (theta[FRICTION] - self.most_friction) / SETTINGS.friction_beyond_sd
+        slope = np.zeros(theta.size)
+        slope[FRICTION] = (beyond > 0) / SETTINGS.friction_beyond_sd
+        left = np.append((theta - self.mean) * weight, max(beyond, 0.0))
+        return left, np.vstack([np.diag(weight), slope])
 
-    def chi2(self, theta: FloatArray, start: FloatArray) -> float:
-        """Sum of the squared residuals, priors included."""
-        return float(np.square(self.residuals(theta, start)[0]).sum())
+    def residuals(self, theta: FloatArray, orbit: Orbit) -> FloatArray:
+        """What the model leaves of the torque, then the distances of the priors, over their SDs."""
+        return np.append(residuals(theta, self.compared, orbit), self.prior(theta)[0])
 
-    def descend(self, candidate: Candidate, holds_delta: bool = False) -> Candidate:
-        """Least squares by Levenberg and Marquardt, no step longer than a bounce of the teeth."""
-        theta, start = candidate.theta, candidate.start.copy()
-        free = slice(1 if holds_delta else 0, None)
-        left, slopes = self.residuals(theta, start, True)
-        chi2, damping = left @ left, 1e-3
-        if left[0] == _NO_ORBIT:
-            return candidate._replace(chi2=float(chi2))
-        for _ in range(SETTINGS.most_steps):
-            curvature = slopes[:, free].T @ slopes[:, free]
-            # A load that never touches its gap's sides has no slope by the backlash.
-            damped = curvature + damping * np.diag(np.maximum(np.diag(curvature), 1e-6))
-            step = np.zeros(theta.size)
-            step[free] = -np.linalg.solve(damped, slopes[:, free].T @ left)
-            longest = np.abs(step / _LONGEST_STEP).max()
-            moved, orbit = theta + step / max(longest, 1.0), start.copy()
-            tried = self.residuals(moved, orbit, True)
-            if (lower := tried[0] @ tried[0]) < chi2:
-                theta, start, chi2 = moved, orbit, lower
-                left, slopes = tried
-                damping = max(0.2 * damping, 1e-9)
-            else:
-                damping *= 5.0
-            if longest < 1e-6 or damping > 1e6:
-                break
-        return Candidate(theta, start, float(chi2))
+    def slopes(self, theta: FloatArray, orbit: Orbit) -> FloatArray:
+        """Slopes of the residuals by the unknowns."""
+        return np.vstack([residual_slopes(theta, self.compared, orbit), self.prior(theta)[1]])
 
-    def covariance(self, candidate: Candidate) -> FloatArray:
-        """Covariance of the unknowns, if the model is right."""
-        slopes = self.residuals(candidate.theta, candidate.start.copy(), True)[1]
-        return np.asarray(np.linalg.inv(slopes.T @ slopes))
+    def place(self, theta: FloatArray) -> Candidate:
+        """A joint with its misfit, which is infinite where the load has no periodic orbit."""
+        orbit = find_orbit(theta, self.compared, np.zeros(2))
+        if orbit is None:
+            return Candidate(theta, np.zeros(2), np.inf)
+        return Candidate(theta, orbit.start, float(np.square(self.residuals(theta, orbit)).sum()))
+
+    def descend(
+        self,
+        begin: Candidate,
+        tolerance: float = SETTINGS.last_tolerance,
+        holds_delta: bool = False,
+    ) -> Candidate:
+        """Least squares by SciPy's trust region, whose first step is no longer than a bounce of the teeth."""
+        first = find_orbit(begin.theta, self.compared, begin.start)
+        if first is None:
+            return begin._replace(chi2=np.inf)
+        orbit = first
+        unit = np.diag(_FIRST_STEP)[:, 1 if holds_delta else 0 :]
+
+        def left(move: FloatArray) -> FloatArray:
+            nonlocal orbit
+            theta = begin.theta + unit @ move
+            tried = find_orbit(theta, self.compared, orbit.start)
+            if tried is None:  # a shorter step is tried
+                return np.full(2 * self.compared.order.size + theta.size + 1, np.inf)
+            orbit = tried
+            return self.residuals(theta, orbit)
+
+        def slopes(move: FloatArray) -> FloatArray:  # where `left` was taken last
+            return self.slopes(begin.theta + unit @ move, orbit) @ unit
+
+        end = least_squares(
+            left, np.zeros(unit.shape[1]), slopes, ftol=tolerance, xtol=1e-6, gtol=None
+        )
+        theta = begin.theta + unit @ end.x
+        return Candidate(theta, orbit.start, 2 * float(end.cost), end.jac @ np.linalg.pinv(unit))
 
 
 def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
@@ -220,17 +223,16 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
     speed = harmonics(recording, TURN / gear_ratio * recording.v, SETTINGS.driven_hz)
     of_torque = harmonics(recording, torque, SETTINGS.driven_hz)
     gravity = abs(of_torque.coefficient[0])
-    if gravity < SETTINGS.least_gravity * of_torque.sd[0] or torque.mean() < 0:
+    if gravity < LEAST_GRAVITY * of_torque.sd[0] or torque.mean() < 0:
         significance = gravity / of_torque.sd[0]
         raise Refusal(
             f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {significance:.1f} SDs "
-            f"({SETTINGS.least_gravity:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
+            f"({LEAST_GRAVITY:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
             "positive where it drives forward, and the axis horizontal?",
             Reason.NO_GRAVITY,
         )
-    orders = gear_ratio * np.array(
-        MOTOR_ORDERS if gear_ratio > 1.5 else ()
-    )  # the joint's side has none
+    # A log of the joint's side has no orders of the motor's.
+    orders = gear_ratio * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
     beside_motor = np.abs(speed.order[:, None] - orders) < 1.5
     used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
     used &= ~beside_motor.any(axis=1)
@@ -272,18 +274,13 @@ def state_problem(
         drive = abs(first / (0.5 * rho * g * weight / abs(weight) + inertial))
         weight = first / drive - inertial
     s = SETTINGS
-    mean = np.zeros(len(UNKNOWNS))
-    sd = np.full(len(UNKNOWNS), np.inf)
-    mean[STIFFNESS], sd[STIFFNESS] = 2 * np.log(TURN * s.ring_hz), s.stiffness_sd
-    mean[DAMPING], sd[DAMPING] = np.log(s.damping), s.damping_sd
-    mean[FRICTION], sd[FRICTION] = 0, s.friction_sd
-    mean[PHASE] = np.angle(1j * weight)
+    mean, sd = np.zeros(len(UNKNOWNS)), np.full(len(UNKNOWNS), np.inf)
+    mean[PHASE], mean[DRIVE] = np.angle(1j * weight), np.log(drive)
     mean[GRAVITY], sd[GRAVITY] = np.log(g), load.gravity_sd + 1e-3
-    mean[LAG], sd[LAG] = s.lag_ms, s.lag_sd_ms
     mean[RATIO], sd[RATIO] = np.log(rho), load.inertia_sd + 1e-3
-    mean[DRIVE] = np.log(drive)
-    mean[DELAY], sd[DELAY] = 0, s.delay_sd_ms
-    mean[LOSS], sd[LOSS] = s.loss, s.loss_sd
+    for name in ("ln_stiffness", "ln_damping", "friction", "lag_ms", "delay_ms", "loss"):
+        place = UNKNOWNS.index(name)
+        mean[place], sd[place] = getattr(s, name)
     used = turn.used & (turn.speed.order <= harmonics)
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, s.loss_smoothing * g)
     return Problem(compared, mean, sd, turn.friction)
@@ -298,24 +295,24 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
         min((_place(rough, delta, ring, friction) for ring in rings), key=_chi2)
         for delta, friction in product(s.starts_mrad, frictions)
     ]
-    ends = _distinct([rough.descend(start) for start in starts])
-    found = [problem.descend(end) for end in ends[: s.finalists]]
+    ends = _distinct([rough.descend(start, s.rough_tolerance) for start in starts])
+    found = [problem.descend(end, s.tolerance) for end in ends[: s.finalists]]
     if not any(map(_is_physical, found)):
         found.append(hold_delta(problem, min(found, key=_chi2), 0.0))
     best = min(filter(_is_physical, found), key=_chi2)
     for _ in range(s.most_rounds):
-        found += [problem.descend(_move(best, *step)) for step in s.neighbours]
+        found += [problem.descend(_move(best, *step), s.tolerance) for step in s.neighbours]
         before, best = best, min(filter(_is_physical, found), key=_chi2)
-        if best.chi2 > before.chi2 - 1e-3:
+        if best.chi2 > before.chi2 * (1 - s.tolerance) - 0.1:
             break
-    return _distinct(found)
+    return _distinct([*found, problem.descend(best)])
 
 
 def _place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> Candidate:
     """The usual joint but for its backlash, stiffness and friction."""
-    theta, start = problem.mean.copy(), np.zeros(2)
+    theta = problem.mean.copy()
     theta[[DELTA, STIFFNESS, FRICTION]] = delta_mrad, ring, friction
-    return Candidate(theta, start, problem.chi2(theta, start))
+    return problem.place(theta)
 
 
 def _is_physical(candidate: Candidate) -> bool:
@@ -339,9 +336,7 @@ def _distinct(candidates: list[Candidate]) -> list[Candidate]:
     """The best first, each but once."""
     kept: list[Candidate] = []
     for candidate in sorted(candidates, key=_chi2):
-        if all(
-            np.abs((candidate.theta - each.theta) / _LONGEST_STEP).max() > 0.03 for each in kept
-        ):
+        if all(np.abs((candidate.theta - each.theta) / _FIRST_STEP).max() > 0.03 for each in kept):
             kept.append(candidate)
     return kept
 
@@ -372,7 +367,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     best, *rivals = filter(_is_physical, candidates)
     count = 2 * problem.compared.order.size
     misfit = max(best.chi2 / count, 1.0)
-    covariance = misfit * problem.covariance(best)
+    if not np.isfinite(best.chi2):
+        raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
+    covariance = np.asarray(misfit * np.linalg.inv(best.slopes.T @ best.slopes), dtype=float)
     _check_joint(problem, best, covariance, best.chi2 / count)
     if candidates[0].chi2 < best.chi2 - s.clear * misfit:
         overlap = f"a gap of {candidates[0].theta[DELTA]:.2g} mrad, less than none, fits best"
@@ -407,10 +404,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     return TorqueFit(
         delta_rad=delta,
         interval_rad=interval,
-        sd_rad=sd,
         is_none=is_none,
         chi_squared=best.chi2 / count,
-        joint=describe_joint(best.theta, np.sqrt(np.diag(covariance)), turn.gear_ratio),
+        joint=_quantities(best.theta.copy(), np.sqrt(np.diag(covariance)), turn.gear_ratio),
         model_torque=_model_torque(recording, torque, problem, best),
     )
 
@@ -462,37 +458,35 @@ def _check_joint(
         )
 
 
-def describe_joint(
+# Quantities whose logarithm is an unknown, and those that are unknowns.
+_BY_LOGARITHM = {
+    "stiffness_per_s2": STIFFNESS,
+    "damping_ratio": DAMPING,
+    "gravity_per_s2": GRAVITY,
+    "inertia_ratio": RATIO,
+    "motor_inertia": DRIVE,
+}
+_PLAIN = {"friction_share": FRICTION, "loss": LOSS, "torque_delay_ms": DELAY, "speed_lag_ms": LAG}
+
+
+def _quantities(
     theta: FloatArray, sd: FloatArray, gear_ratio: float
 ) -> dict[str, tuple[float, float]]:
     """Quantities of the joint with their SDs; a logarithm's SD is a share."""
-
-    def from_log(place: int, factor: float = 1.0) -> tuple[float, float]:
-        value = float(factor * np.exp(theta[place]))
-        return value, float(value * sd[place])
-
-    def plain(place: int) -> tuple[float, float]:
-        return float(theta[place]), float(sd[place])
-
-    return {
-        "stiffness_per_s2": from_log(STIFFNESS),
-        "damping_ratio": from_log(DAMPING),
-        "friction_share": plain(FRICTION),
-        "loss": plain(LOSS),
-        "gravity_per_s2": from_log(GRAVITY),
-        "inertia_ratio": from_log(RATIO),
-        "motor_inertia": from_log(DRIVE, 1 / gear_ratio),
-        "torque_delay_ms": plain(DELAY),
-        "speed_lag_ms": plain(LAG),
-    }
+    theta[DRIVE] -= np.log(gear_ratio)  # of N J_m
+    value = np.exp(theta)
+    joint = {name: (value[k], value[k] * sd[k]) for name, k in _BY_LOGARITHM.items()}
+    joint |= {name: (theta[k], sd[k]) for name, k in _PLAIN.items()}
+    return {name: (float(each), float(of)) for name, (each, of) in joint.items()}
 
 
 def _model_torque(
     recording: Recording, torque: FloatArray, problem: Problem, best: Candidate
 ) -> FloatArray:
     """The model's torque at the samples; its mean, which holds the motor's friction, is the log's."""
-    predicted = solve_load(best.theta, problem.compared, best.start.copy(), False)
-    if predicted is None:  # the best candidate has an orbit
+    orbit = find_orbit(best.theta, problem.compared, best.start)
+    if orbit is None:  # the best candidate has one
         return np.full(torque.size, np.nan)
-    wave = periodic(predicted.torque, problem.compared.order, turn_phases(recording))
+    predicted = predict_torque(best.theta, problem.compared, orbit.contact)
+    wave = periodic(predicted, problem.compared.order, turn_phases(recording))
     return np.asarray(torque.mean() + wave)

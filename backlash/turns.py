@@ -24,6 +24,8 @@ _OCTAVES = 3  # a wrong gear ratio is off by less than eight
 _DOMINATES = (
     3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
 )
+LEAST_GRAVITY = 10.0  # in SDs of its line, once a turn, in the torque
+_GRAVITYS_SHARE = 0.5  # of the torque's variance; in benches it is above 0.8
 _PHASES = 512
 _RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
@@ -103,24 +105,29 @@ def gravity_by_turn(recording: Recording, torque: FloatArray) -> ComplexArray:
 
 
 def period_by_torque(recording: Recording, torque: FloatArray) -> float:
-    """The turn's period [s] near the one given, by gravity's line in the torque: the drift of its phase."""
-    phase = np.unwrap(np.angle(gravity_by_turn(recording, torque)))
-    slope = np.polyfit(np.arange(phase.size), phase, 1)[0]
+    """The turn's period [s] near the one given, by the drift of the phase of gravity's line, if the torque has one."""
+    lines = gravity_by_turn(recording, torque)
+    turn = np.arange(lines.size)
+    slope = np.polyfit(turn, np.unwrap(np.angle(lines)), 1)[0]
+    aligned = lines * np.exp(-1j * slope * turn)
+    if abs(aligned.mean()) < LEAST_GRAVITY * aligned.std() / np.sqrt(turn.size):
+        return recording.turn_period_s
     return recording.turn_period_s / (1 + slope / TURN)
 
 
 def dominant_period(recording: Recording, torque: FloatArray) -> float | None:
-    """The period [s] of a line in the torque that is much stronger than the given turn's own; None without one."""
-    given = recording.turn_period_s
-    wave = (torque - torque.mean()) * np.hanning(torque.size)
+    """The period [s] of a line in the torque that is gravity's rather than the given turn's own; None without one."""
+    given, window = recording.turn_period_s, np.hanning(torque.size)
+    wave = (torque - torque.mean()) * window
     size = 8 * torque.size
     hz = np.fft.rfftfreq(size, recording.sample_s)
-    power = np.abs(np.fft.rfft(wave, size))
+    amplitude = 2 * np.abs(np.fft.rfft(wave, size)) / window.sum()
     lasts = torque.size * recording.sample_s
-    own = power[np.abs(hz - 1 / given) < 0.5 / lasts].max(initial=0.0)
+    own = amplitude[np.abs(hz - 1 / given) < 0.5 / lasts].max(initial=0.0)
     tried = (hz > max(2**-_OCTAVES / given, 2 / lasts)) & (hz < 2**_OCTAVES / given)
-    best = np.flatnonzero(tried)[power[tried].argmax()]
-    return float(1 / hz[best]) if power[best] > _DOMINATES * own else None
+    best = np.flatnonzero(tried)[amplitude[tried].argmax()]
+    least = max(_DOMINATES * own, np.sqrt(2 * _GRAVITYS_SHARE) * torque.std())
+    return float(1 / hz[best]) if amplitude[best] > least else None
 
 
 def period_by_energy(recording: Recording, signal: FloatArray) -> float:

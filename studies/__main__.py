@@ -22,10 +22,11 @@ def write_claims() -> None:
 
 
 def write_hardware() -> None:
-    """What the sensor says of logs of real joints, and the loss in their gears, into results/hardware.csv."""
+    """What the sensor says of logs of real joints and of their twins, into results/hardware.csv and its twins."""
     from studies import hardware
 
     write_csv(RESULTS / "hardware.csv", hardware.measure_all())
+    write_csv(RESULTS / "hardware_twins.csv", hardware.measure_twins())
 
 
 def write_joint() -> None:

@@ -176,17 +176,38 @@ def draw_joint(
     )
 
 
-def _run_turns(joint: DrivenJoint, fault: Fault) -> FloatArray:
-    """Measured speed and torque of turns one way from rest, the first ones left out."""
-    start_rad = joint.vertical_rad
-    turn_s = TURN / joint.speed
+def with_load(joint: DrivenJoint, gravity: float, inertia_ratio: float) -> DrivenJoint:
+    """The joint under another load: friction keeps its share of gravity, and the drive is tuned to the inertia."""
+    torques = ("load_friction", "load_viscous", "motor_friction", "motor_viscous", "cogging")
+    scaled = {name: getattr(joint, name) * gravity / joint.gravity for name in torques}
+    gain = (1 + 1 / inertia_ratio) / (1 + 1 / joint.inertia_ratio)
+    return joint._replace(
+        **scaled,
+        gravity=gravity,
+        inertia_ratio=inertia_ratio,
+        speed_gain=gain * joint.speed_gain,
+        integral_gain=gain * joint.integral_gain,
+    )
+
+
+def follow_path(
+    joint: DrivenJoint, fault: Fault, start_rad: float, speed: FloatArray
+) -> FloatArray:
+    """Measured speed and torque of each control period, from rest; the load hangs down at the angle 0."""
     hanging = joint.gravity * math.sin(start_rad)
     motor_rad = start_rad + hanging / joint.stiffness + math.copysign(joint.delta_rad, hanging)
-    periods = np.arange(round((_TURNS + _TURNS_BEFORE) * turn_s / CONTROL_S))
-    speed = joint.speed * np.minimum(periods * CONTROL_S * (joint.speed / TURN), 1.0)
     wanted = np.cumsum([motor_rad, *speed[:-1] * CONTROL_S])
     path = np.column_stack([wanted, speed])
-    seen = run_joint(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
+    seen: FloatArray = run_joint(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
+    return seen
+
+
+def run_turns(joint: DrivenJoint, fault: Fault) -> FloatArray:
+    """Measured speed and torque of turns one way from rest, the first ones left out."""
+    turn_s = TURN / joint.speed
+    periods = np.arange(round((_TURNS + _TURNS_BEFORE) * turn_s / CONTROL_S))
+    speed = joint.speed * np.minimum(periods * CONTROL_S * (joint.speed / TURN), 1.0)
+    seen = follow_path(joint, fault, joint.vertical_rad, speed)
     return seen[round(_TURNS_BEFORE * turn_s / CONTROL_S) :]
 
 
@@ -202,9 +223,16 @@ def draw_turns(
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
         joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss)
-        seen = _run_turns(joint, fault)
+        seen = run_turns(joint, fault)
         if np.abs(seen[:, 0] / joint.speed - 1).max() < _LARGEST:
             break
+    return log_turns(rng, joint, gear_ratio, fault, seen)
+
+
+def log_turns(
+    rng: Generator, joint: DrivenJoint, gear_ratio: float, fault: Fault, seen: FloatArray
+) -> BenchLog:
+    """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
     v = seen[late::every, 0]

@@ -48,6 +48,7 @@ CONTENTS = """
 :caption: Reference
 /notebooks/glossary
 /notebooks/guide
+/notebooks/datasheet
 ```
 """
 # What scrolls can be reached by the keyboard.

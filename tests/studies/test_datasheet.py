@@ -1,5 +1,7 @@
 """The datasheet counts what it says it counts."""
 
+import re
+
 import numpy as np
 import pandas as pd
 
@@ -34,14 +36,21 @@ def test_answers_covers_and_errors_are_counted():
     ]
     assert row[counts].tolist() == [4, 2, 1, 1, 2, 1, 1]
     assert row["reasons"] == "too noisy 1"
+    assert row[["right", "true_reason", "wrong"]].tolist() == [2, 0, 3]
+
+
+def test_a_fault_s_refusal_is_true_or_not():
+    refused = rows("gear ratio doubled").assign(verdict="cannot tell", reason="wrong period")
+    refused.loc[0, "reason"] = "too noisy"
+    row = datasheet.summarise(refused).iloc[0]
+    assert row[["right", "true_reason", "wrong"]].tolist() == [0, 5, 0]
 
 
 def test_the_page_has_every_population_and_at_most_300_words():
     names = [*datasheet.TURNS, *datasheet.FAULTS]
     page = datasheet.write_page(datasheet.summarise(pd.concat([rows(name) for name in names])))
     assert all(name in page for name in names)
-    prose = [line for line in page.splitlines() if not line.startswith("|")]
-    assert len(" ".join(prose).split()) <= 300
+    assert len([word for word in page.split() if re.search("[A-Za-z]", word)]) <= 300
 
 
 def test_no_log_depends_on_another():

@@ -63,3 +63,9 @@ def test_lost_motion_is_found_beside_the_wind_up():
     found = hardware.lost_motion([log, log]).loc["sign of torque"]
     assert found["low_rad"] < 4e-4 < found["high_rad"]
     assert found["high_rad"] - found["low_rad"] < 1e-5
+
+
+def test_the_longest_way_is_that_between_two_turns_back():
+    assert hardware.longest_way(STROKES) == pytest.approx(
+        np.ptp(STROKES.angle[:400]) / (2 * np.pi), rel=0.05
+    )
