@@ -3,7 +3,7 @@
 import jupytext
 import pytest
 
-from workbook.checkout import notebook_files
+from workbook.outcomes import notebook_files
 
 SOURCES = notebook_files("py")
 # Parameters with which a notebook runs faster; the checks hold for any.

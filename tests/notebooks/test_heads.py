@@ -5,7 +5,7 @@ import re
 import jupytext
 import pytest
 
-from workbook.checkout import notebook_files
+from workbook.outcomes import notebook_files
 
 SOURCES = notebook_files("py")
 # The rule: words a minute, lines of visible code a minute, and minutes for a displayed equation.
