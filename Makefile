@@ -111,7 +111,7 @@ writable:
 
 # A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
 # stamp; none is made where the authors' files could not be had.
-PACKAGES := $(wildcard replication/*.* replication/*/*.* workbook/*.py)
+PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
 BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
 	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
