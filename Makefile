@@ -23,10 +23,11 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
-# make from ending well. Each run watches this make: killed in whatever way, it leaves nothing that computes.
+# make from ending well. Each run watches this make, and none starts without it: killed in whatever way, it leaves
+# nothing that computes.
 all: writable .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@MAKE_PID=$$PPID $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
-	$(MAKE) --no-print-directory .make/report.made; exit $$status
+	@export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
+	kill -0 $$MAKE_PID && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
 	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
@@ -110,12 +111,12 @@ writable:
 
 # A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
 # stamp; none is made where the authors' files could not be had.
-PACKAGES := $(wildcard replication/*.* replication/*/*.* workbook/*.py)
+PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
 BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
-	@$(RUN) run $<
+	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
 .make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
-	@$(RUN) run $<
+	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
 
 NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
 ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)
