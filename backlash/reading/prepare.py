@@ -282,6 +282,8 @@ def _level(v: FloatArray, expected: float | None) -> float:
         if np.mean(is_near) > 0.1:
             return float(np.median(speed[is_near]))
     moving = speed[speed >= 0.05 * speed.max()]
+    if np.ptp(moving) < 1e-9 * moving.max():
+        return float(moving[0])
     count, edges = np.histogram(moving, 200)
     best = int(np.convolve(count, np.ones(3), mode="same").argmax())
     low, high = edges[max(best - 1, 0)], edges[min(best + 2, 200)]

@@ -120,7 +120,8 @@ def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
     with pytest.raises(UserError, match=r"edited after small\.py, and left as it is"):
         execution.run(small(folder))
     assert made_in(folder) == edited
-    os.utime(small(folder))  # now the source is the newer one
+    later = (folder / LEFT[0]).stat().st_mtime_ns + 10**9
+    os.utime(small(folder), ns=(later, later))  # now the source is the newer one
     execution.refuse_edited(small(folder))
 
 

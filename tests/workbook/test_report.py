@@ -63,7 +63,10 @@ def test_make_check_prints_every_number_and_notices_a_new_difference():
 
 
 def test_the_sentence_on_sds_follows_their_joint_p(facts):
-    for p, sentence in ((0.01, "do not agree as a whole"), (0.3, "as a whole are not rejected")):
+    for p, sentence in (
+        (0.01, "do not agree as a whole"),
+        (0.3, "as a whole are neither rejected nor"),
+    ):
         whole = facts["evidence"]["whole"] | {"p_sds": p}
         said = render(facts, evidence=facts["evidence"] | {"whole": whole})
         assert f"SDs {sentence}" in said
@@ -72,7 +75,10 @@ def test_the_sentence_on_sds_follows_their_joint_p(facts):
 def test_the_sentence_on_hardware_follows_the_answers(facts):
     some = {"logs": 20, "refused": 15, "with_reason": 9, "reason": "wrong period"}
     said = render(facts, hardware=some)
-    assert '15 of 20 public logs of other joints are refused, 9 of them for "wrong period"' in said
+    assert (
+        'of 20 public logs of other joints our sensor refuses 15, 9 of them for "wrong period"'
+        in said
+    )
     assert "of none is the backlash known" in said
     assert "of none is" not in render(facts, hardware=some | {"refused": 20})
 
@@ -81,7 +87,7 @@ def test_a_verdict_that_changes_changes_the_sentences(facts):
     means = facts["means"] | {"agree": 7}
     assert "7 of 10 printed means" in render(facts, means=means)
     claims = facts["claims"].assign(verdict="holds")
-    assert f"{len(claims)} hold; not holding: 0; undecided: 0" in render(facts, claims=claims)
+    assert f"{len(claims)} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
 
 
 def test_numbers_are_written_as_the_paper_writes_them():
