@@ -321,7 +321,8 @@ quiet = best_fit(Recording(t, clean, v_t, T_f, "without noise"), settings)
 own_percent = off_percent(quiet.amplitude_rps)
 print(
     f"the signature's own error {own_percent:+.1f} %, of the noise {off_percent(A) - own_percent:+.1f} % "
-    f"(A is free within some 3 % besides); the best signature leaves {100 * quiet.rmse / clean.std():.0f} % of the SD"
+    f"(as the window may open a sample earlier, A is free within some 3 % besides). A damped sine is not the shape of "
+    f"the speed: the best signature leaves {100 * quiet.rmse / clean.std():.0f} % of the SD"
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]

@@ -56,7 +56,7 @@ _ = axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
 #
 # $$t_1 = t_0 + T_1, \quad t_2 = t_0 + T_2, \quad t_d = t_0 + T_d, \quad t_f = t_0 + T_f \tag{4}$$
 #
-# The last two contradict equation 7. The authors' runs have the shifts $T_d$ and $T_f$ without
+# The last two contradict equation 7 below. The authors' runs have the shifts $T_d$ and $T_f$ without
 # $t_0$ (erratum E6, exercise 1), and a phase that counts from the starting point, not from $t = 0$
 # as in equation 1 (E15). With those,
 #
@@ -213,7 +213,7 @@ basins.rename("stored runs that end there").to_frame()
 # One settled turn of the record, on which two turns of the signature act. CMA-ES ([notebook
 # 7](07_search_table1.ipynb)) draws 300 members a generation in Table 1's box; a single search may
 # end in a wrong basin, so each row is the best of `seeds` searches. The first row has the paper's
-# signature and cost, the last one yours.
+# signature and cost; a second one, yours, appears once you change something.
 
 # %%
 t_fit, v_fit = record.t[200:400], record.v[200:400]

@@ -2,7 +2,7 @@
 # # 7 · The search: CMA-ES and Table 1's box
 #
 # *You will watch a search of two parameters, take one generation of the search of seven apart, and count how often it
-# finds the lowest misfit. Reading time: 12 min. Run time: 20 s. Before this: notebook [5](05_signature_figure6.ipynb).*
+# finds the lowest misfit. Reading time: 13 min. Run time: 20 s. Before this: notebook [5](05_signature_figure6.ipynb).*
 #
 # ## Claim
 #
@@ -12,9 +12,9 @@
 #
 # ## Method
 #
-# A search looks for the parameters with the lowest RMSE of equation 11, the [misfit](glossary.md#misfit). CMA-ES draws
-# $\lambda$ *members* from a normal distribution, ranks them by their misfit, and moves and reshapes the distribution
-# towards the better half. That is one *generation*; the next one is drawn from the new distribution.
+# A search looks for the parameters with the lowest RMSE of $r - h$ (equation 11), the [misfit](glossary.md#misfit).
+# CMA-ES draws $\lambda$ *members* from a normal distribution, ranks them by their misfit, and moves and reshapes the
+# distribution towards the better half. That is one *generation*; the next one is drawn from the new distribution.
 
 # %%
 import inspect
@@ -147,7 +147,18 @@ table.sort_values("misfit").head().round(4)
 #
 # $\text{OP}(\mathbf y) = \mathbf y \mathbf y^T$. A path longer than that of a random walk makes the step size grow, a
 # shorter one makes it shrink. The samples and the path $\mathbf p_c$ stretch $\mathbf C$ along the direction in which
-# the mean moves. `cmaes.update` has these five equations, with the constants of the authors' library:
+# the mean moves.
+#
+# The constants follow from $\lambda$ and $n = 7$, the number of parameters (`cmaes.constants`): $\mu$ the members that
+# count with a positive weight, $\mu_\text{eff} = 1 / \sum w_i^2$ how many equal weights would serve as well;
+# $c_\sigma$, $c_c$ and $c_\text{cov}$ how fast the paths and $\mathbf C$ forget; $d_\sigma$ what damps the step size;
+# $\mu_\text{cov}$ how the two parts of equation 17 share $c_\text{cov}$. In the code `c_1` is
+# $c_\text{cov} / \mu_\text{cov}$ and `c_mu` is $c_\text{cov} (1 - 1 / \mu_\text{cov})$, the weights of the path and of
+# the members. $h_\sigma$ is 0 while $\mathbf p_\sigma$ is much too long, else 1, and
+# $\delta(h_\sigma) = (1 - h_\sigma)\, c_c (2 - c_c)$, no backlash.
+#
+# `cmaes.update` has these five equations with three additions of the authors' library: the step size grows by a factor
+# e at most, $h_\sigma$ stands in equation 16 too, and in equation 17 the worse half has negative weights.
 
 # %%
 Code(inspect.getsource(cmaes.update), language="python")

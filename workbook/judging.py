@@ -37,7 +37,7 @@ VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "a
 VERDICT_COLUMNS += ["source", "resolution", "reason", "notebook"]
 AGREEMENTS = ("agrees", "differs", "not tested")
 SOURCES = {
-    "recomputed": "our search, on the authors' clean records with noise of the printed law",
+    "recomputed": "our search, on the authors' clean records with uniform noise of Table 2's amplitudes",
     "authors' files": "read or measured from them",
     "simulated joint": "the joint that we identified from the authors' records",
     "the paper's own numbers": "arithmetic between printed numbers, which shows consistency alone",

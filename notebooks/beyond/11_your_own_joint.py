@@ -12,8 +12,8 @@
 #
 # The paper: the [backlash](../glossary.md#backlash) of a joint can be estimated from its motor
 # encoder alone. For a joint that nobody has measured before that is not enough: another stiffness
-# or drive gives another amplitude at the same backlash. With the motor's torque, or with a
-# calibration, the sensor estimates it without taking the joint apart.
+# or drive gives another amplitude at the same backlash. With the motor's torque the sensor estimates
+# it without taking the joint apart; with a calibration too, which needs known backlashes once.
 #
 # ## Method
 #
@@ -77,7 +77,9 @@ from workbook import Interval
 
 # %% tags=["parameters"]
 my_log = ""  # path of a log of your own (CSV, XLSX or Parquet)
-my_settings = {"turn_period_s": 0.4}  # what you know of it, as `backlash.estimate` takes it
+# What you know of it, as `backlash.estimate` takes it; for a log with torque also "torque" (its column),
+# "gear_ratio", "inertia_ratio" and "gravity_per_s2", as in the second cell of the result.
+my_settings = {"turn_period_s": 0.4}
 bench_seed = 3  # which joint is drawn
 backlash_mrad = 1.1  # of the log that is looked at closely
 friction_share = 0.0  # Coulomb friction that the load has since the calibration, over gravity
@@ -156,7 +158,8 @@ if by_torque.trace:
 
 # %% [markdown]
 # The next lines are there to be compared with the joint's data sheet: a stiffness or an inertia that
-# is not the joint's says that an input is wrong.
+# is not the joint's says that an input is wrong. What was given of the load is exact here; the sensor does not know
+# that, weighs it against the log, and may move it away from the truth: by this much the backlash errs, too.
 #
 # ### By a calibration
 #
