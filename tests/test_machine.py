@@ -38,7 +38,11 @@ def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
         (checkout / name).write_bytes((ROOT / name).read_bytes())
     goals = ("writable", ".venv/.installed", ".venv/.test", "test", "lab", "lint", "check")
     made = subprocess.run(
-        ["make", "--dry-run", *goals], cwd=checkout, capture_output=True, text=True, check=True
+        ["make", "--dry-run", "--no-print-directory", *goals],
+        cwd=checkout,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     assert "venv" in made.stdout
     assert "PWNED" not in made.stdout
