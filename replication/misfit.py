@@ -120,7 +120,7 @@ def population_rmse(members, record):
 
 
 # Columns of t0, tau, omega, T2 and T1 among `Parameters`: what a projection leaves.
-PROJECTED = [1, 2, 3, 5, 6]
+PROJECTED = np.array([1, 2, 3, 5, 6])
 
 
 @njit
@@ -134,7 +134,8 @@ def project(shapes, record, largest_A):
     members, misfits = np.zeros((len(shapes), 7)), np.empty(len(shapes))
     buffer = np.empty(record.size)
     for p in range(len(shapes)):
-        members[p, 1:4], members[p, 5:] = shapes[p, :3], shapes[p, 3:]
+        for i in range(len(PROJECTED)):
+            members[p, PROJECTED[i]] = shapes[p, i]
         square, product, total = sum_windows(members[p], record, buffer)
         about_mean = square - total**2 / record.size  # sum of (w - mean w)^2
         A = product / about_mean if about_mean > 1e-9 * square else 0.0

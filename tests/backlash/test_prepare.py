@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import open_log
@@ -36,6 +38,31 @@ def test_a_position_is_unwrapped_and_differentiated(scale, wrap, said):
     np.testing.assert_allclose(log.recording.v, RECORD.v[1:], atol=1e-4)
     assert any("differentiated" in note for note in log.notes)
     assert any("unwrapped" in note for note in log.notes) == (wrap is not None)
+
+
+@settings(max_examples=20)
+@given(
+    speed=st.floats(20, 240),
+    direction=st.sampled_from([1.0, -1.0]),
+    start=st.floats(0, 1),
+    bits=st.integers(10, 20),
+)
+def test_wrapping_changes_nothing_as_long_as_a_sample_is_less_than_half_a_turn(
+    speed, direction, start, bits
+):
+    t = 2e-3 * np.arange(1500)
+    counts = np.floor((start + direction * speed * t) * 2**bits)
+    form = LogFormat(unit="counts", counts_per_turn=2.0**bits, gear_ratio=speed / 2.5)
+    found = [
+        opened(t, position, form, "position").recording.v for position in (counts, counts % 2**bits)
+    ]
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_position_that_goes_on_evenly_has_one_speed():
+    t = 2e-3 * np.arange(2000)
+    log = opened(t, 100 * t, replace(TURN, unit="rps"), "position")
+    assert log.recording.v == pytest.approx(100)
 
 
 def test_a_commanded_speed_resolves_an_encoder_that_wraps_faster_than_it_is_sampled():

@@ -1,6 +1,8 @@
 """Every kind of file that loggers and spreadsheets write, and what is none: read rightly or refused in one line."""
 
 import gzip
+import io
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,6 +53,7 @@ ANSWERED = {
     "a byte order mark": PLAIN.encode("utf-8-sig"),
     "Latin-1": text("time,velocità [rps]").encode("latin-1"),
     "lines that end as in DOS": PLAIN.replace("\n", "\r\n"),
+    "lines that end as on old Macs": PLAIN.replace("\n", "\r"),
     "semicolons and decimal commas": text(*RPM).replace(".", ","),
     "tabs": text("time\tspeed [rps]", "{t:.4f}\t{v:.5f}"),
     "blanks": text("  time   speed_rps", "  {t:.4f}   {v:.5f}"),
@@ -65,6 +68,7 @@ ANSWERED = {
     ),
     "rows without a number": line(500, "0.996,NaN"),
     "a row without a stamp": line(500, ",100.0"),
+    "a row of dashes": line(500, "--,--"),
     "a position that wraps": logged(v=TURNS % 1.0, header="time,position [rev]"),
     "blank rows": PLAIN.replace("\n", "\n\n"),
     "blank columns": text(",time,,speed [rps],", ",{t:.4f},,{v:.5f},"),
@@ -226,6 +230,13 @@ def entities() -> bytes:
     return f'<?xml version="1.0"?><!DOCTYPE x [{"".join(levels)}]><x>&e11;</x>'.encode()
 
 
+def test_a_plain_zip_is_no_workbook(tmp_path):
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as bundle:
+        bundle.writestr("log.csv", "0,100")
+    assert "no readable workbook" in refusal(file(tmp_path, packed.getvalue()))
+
+
 @pytest.mark.parametrize(
     ("part", "content", "why"),
     [
@@ -233,6 +244,7 @@ def entities() -> bytes:
         (SHEET, START + b"<row>" + b"<c/>" * 300_000, "more than 50,000 cells; cut it"),
         (SHEET, START + WIDE + b"</sheetData></worksheet>", "more than 50,000 cells"),
         (SHEET, entities(), "no readable workbook"),
+        ("xl/workbook.xml", entities(), "no readable workbook"),
         (SHEET, START + b"</sheetData></worksheet>", "nothing but blanks"),
     ],
 )
