@@ -214,8 +214,8 @@ plot_turns(signature.h(t, example, timing))
 # The paper's search, CMA-ES (covariance matrix adaptation evolution strategy), looks for the
 # parameters with the smallest root mean square (RMSE) of $r - h$ within the bounds of Table 1
 # ([notebook 7](07_search_table1.ipynb)). It is random, and a run may end in a wrong local minimum.
-# As a reference, `best_fit` solves for $A$ and $v_t$ by least squares and searches the other five
-# parameters, several times.
+# As a reference, `best_fit` solves for $A$ and $v_t$ by least squares, searches the other five
+# parameters, and compares what it finds with the same oscillation some half periods earlier or later.
 
 # %%
 settings = Settings(population=population, amplitude_factor=1.0, timing=timing)

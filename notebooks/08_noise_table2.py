@@ -19,7 +19,8 @@
 #
 # **Basins.** Runs that end at nearly the same RMSE are in one [basin](glossary.md#basin). The lowest RMSE of the runs
 # may itself be a local minimum. So `table2.best_fit` looks for the global one: it solves for $A$ and $v_t$ by least
-# squares and searches the other five parameters several times. What no run undercuts we call the global minimum.
+# squares, searches the other five parameters, and compares what it finds with the same oscillation some half periods
+# earlier or later. What no run undercuts we call the global minimum.
 
 # %%
 from dataclasses import replace

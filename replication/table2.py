@@ -5,7 +5,7 @@ time with a noise and seeds of its own, under each of `SETTINGS`; `results/table
 SDs, because they take hours.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -138,12 +138,12 @@ def fit(
 
 
 def best_fit(recording: Recording, settings: Settings = NOTEBOOK) -> Fit:
-    """Find the least misfit in the box: the same search, but on the five parameters that least squares leaves.
+    """Find the least misfit in the box: the model is linear in A and v_t, so only five parameters are searched.
 
-    The model is linear in A and v_t, so `misfit.project` solves for both. The better of two searches with a population
-    of 600 finds the basin. Which samples a window holds is discrete, so its edges are then moved by whole samples, and
-    the best window is refined by the simplex method. Of what fits equally well, T1 lies midway between two samples: a
-    window may open up to one sample earlier with the same samples, and a larger A.
+    `misfit.project` gives a shape (t0, tau, omega, T2, T1) its A and v_t. CMA-ES finds one oscillation. Half a period
+    earlier or later, with the other sign, it fits nearly as well in another window: each of these is a basin of its
+    own, so all are compared. Of what fits equally well, T1 lies midway between two samples: a window may open up to one
+    sample earlier with the same samples, and a larger A.
 
     Raises
     ------
@@ -154,31 +154,73 @@ def best_fit(recording: Recording, settings: Settings = NOTEBOOK) -> Fit:
     box = search_box(recording, settings)
     if record is None or box.upper[0] == 0:
         raise ValueError(f"{recording.source}: constant, or half a turn is no number of samples")
-    lower, upper = box.lower[PROJECTED], box.upper[PROJECTED]
+    shapes_box = Box(box.lower[PROJECTED], box.upper[PROJECTED])
 
     def misfits(shapes: FloatArray) -> FloatArray:
-        return project(shapes, record, box.upper[0])[1]
+        return project(np.clip(shapes, *shapes_box), record, box.upper[0])[1]
 
-    searches = [
-        search(generations(misfits, Box(lower, upper), seed, 600), settings.iterations)
-        for seed in (1, 2)
-    ]
-    best = min(searches, key=lambda each: each.misfit)
-    moves = [(0, 0, 0, T2, T1 / 2) for T2 in range(-12, 13) for T1 in range(-12, 13)]
-    windows = np.clip(best.best + record.dt * np.array(moves), lower, upper)
-    end = optimize.minimize(
-        lambda shape: misfits(shape[None])[0],
-        windows[misfits(windows).argmin()],
-        method="Nelder-Mead",
-        bounds=list(zip(lower, upper, strict=True)),
-        options={"maxiter": 600, "xatol": 1e-9, "fatol": 1e-12},
-    )
-    members, (misfit,) = project(end.x[None], record, box.upper[0])
+    found = search(generations(misfits, shapes_box, 1, 600), settings.iterations)
+    shape = found.best
+    better = True
+    while better:
+        basins = np.array([shape, *_best_basins(misfits, shape, shapes_box, record.dt)])
+        depths = misfits(basins)
+        better = depths.min() < 0.999 * depths[0]
+        shape = basins[depths.argmin()]
+    ends = np.array([_best_window(misfits, each, record.dt) for each in (found.best, shape)])
+    shape = ends[misfits(ends).argmin()]
+    members, (misfit,) = project(np.clip(shape, *shapes_box)[None], record, box.upper[0])
     X = Parameters(*members[0].tolist())
     opening = np.ceil((X.t0 + X.T1 - record.t0) / record.dt) - 0.5
     T1 = float(np.clip(record.t0 + opening * record.dt - X.t0, 0, box.upper[6]))
     A = X.A * np.exp(-(T1 - X.T1) * X.tau)
-    return Fit(X._replace(A=float(A), T1=T1), float(misfit), best.generations)
+    return Fit(X._replace(A=float(A), T1=T1), float(misfit), found.generations)
+
+
+# Which samples a window holds is discrete: it stays where it is while t0, tau and omega move.
+SMOOTH_STEPS = np.array([[2e-3, 0, 0, -2e-3, -2e-3], [0, 1, 0, 0, 0], [0, 0, 3, 0, 0]])
+Misfits = Callable[[FloatArray], FloatArray]  # of shapes, shape (number, 5)
+
+
+def _best_basins(misfits: Misfits, shape: FloatArray, box: Box, dt: float) -> list[FloatArray]:
+    """The three best of the basins up to nine half periods before and after a shape, at their bottoms."""
+    T1, T2 = np.meshgrid(np.arange(0, box.upper[4], dt), np.arange(0, box.upper[3], 2 * dt))
+    windows = np.tile(shape, (T1.size, 1))
+    windows[:, 3], windows[:, 4] = T2.ravel(), T1.ravel()
+    half_period = np.array([np.pi / shape[2], 0, 0, 0, 0])
+    basins = []
+    for k in range(-9, 10):
+        found = misfits(windows + k * half_period)
+        basins.append((found.min(), windows[found.argmin()] + k * half_period))
+    basins.sort(key=lambda basin: basin[0])
+    return [_descend(misfits, basin, SMOOTH_STEPS, 1e-2) for _, basin in basins[:3]]
+
+
+def _best_window(misfits: Misfits, shape: FloatArray, dt: float) -> FloatArray:
+    """Move the edges of the window by whole samples, then everything."""
+    moves = [(0, 0, 0, T2, T1 / 2) for T2 in range(-12, 13) for T1 in range(-12, 13)]
+    windows = shape + dt * np.array(moves)
+    window = windows[misfits(windows).argmin()]
+    return _descend(misfits, window, np.diag([dt, 1.0, 1.0, dt, dt]), 1e-4)
+
+
+def _descend(
+    misfits: Misfits, shape: FloatArray, steps: FloatArray, tolerance: float
+) -> FloatArray:
+    """Go down from a shape by the simplex method, which first tries the rows of `steps`."""
+    directions = len(steps)
+    end = optimize.minimize(
+        lambda z: misfits((shape + z @ steps)[None])[0],
+        np.zeros(directions),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.eye(directions + 1, directions, -1),
+            "xatol": tolerance,
+            "fatol": 1e-4 * tolerance,
+            "maxiter": 600,
+        },
+    )
+    return shape + end.x @ steps
 
 
 # ------------------------------------------------------------------------------------------- thirty runs, a table

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import table2
+from replication import bench, table2
 from replication.records import Recording, add_noise, constant_speed
 from replication.signature import Parameters, h, rmse
 
@@ -40,6 +40,15 @@ def test_the_best_fit_is_no_worse_than_any_run_and_has_its_window_between_sample
     assert best.amplitude_rps == pytest.approx(0.6, rel=0.01)
     opening = (best.X.t0 + best.X.T1) / record.sample_s
     assert opening % 1 == pytest.approx(0.5) or best.X.T1 == 0
+
+
+@pytest.mark.parametrize("seed", [0, 4, 11])
+def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed):
+    rng = np.random.default_rng(seed)
+    record = bench.encoder_log(bench.draw_bench(rng), 1e-3, rng)
+    best = table2.best_fit(record)
+    runs = [table2.fit(record, table2.NOTEBOOK, run).rmse for run in range(1, 11)]
+    assert best.rmse <= min(runs) * (1 + 1e-9)
 
 
 def test_a_constant_record_has_no_best_fit():
