@@ -30,12 +30,15 @@ from replication.signature import FloatArray
 # Unknowns, and their places: delta [mrad], the logarithms of K [1/s^2], of the damping ratio; F, gravity's phase [rad],
 # the logarithm of g [1/s^2], the speed's lag [ms]; the logarithms of rho and of N J_m, the torque's delay [ms], mu.
 UNKNOWNS = (
-    *("delta_mrad", "ln_stiffness", "ln_damping", "friction", "phase_rad", "ln_gravity", "lag_ms"),
-    *("ln_inertia_ratio", "ln_drive", "delay_ms", "loss"),
+    *("delta_mrad", "ln_stiffness", "ln_damping", "soft_mrad"),
+    *("friction", "phase_rad", "ln_gravity", "lag_ms"),
+    *("ln_inertia_ratio", "ln_drive", "delay_ms", "loss", "filter_ms"),
 )
-DELTA, STIFFNESS, DAMPING, FRICTION, PHASE, GRAVITY, LAG, RATIO, DRIVE, DELAY, LOSS = range(11)
-_OF_CONTACT = 7  # unknowns that the contact torque depends on, the first ones
+DELTA, STIFFNESS, DAMPING, SOFT, FRICTION, PHASE, GRAVITY, LAG = range(8)
+RATIO, DRIVE, DELAY, LOSS, FILTER = range(8, 13)
+_OF_CONTACT = 8  # unknowns that the contact torque depends on, the first ones
 
+_SOFT_SHARE = 0.5
 _MOST_TURNS = 40  # simulated until the orbit closes; Newton's method needs 3 to 10
 _CLOSED_RAD = 1e-11  # a millionth of the least backlash that matters
 
@@ -107,30 +110,39 @@ def _mean_depth(a, b):
 
 
 @njit
-def _contact_torque(x, v, h, delta, K, D):
-    """The contact torque of a step h, and its slopes by x, x', delta [mrad], ln K and ln of the damping ratio.
+def _contact_torque(x, v, h, delta, K, D, soft):
+    """The contact torque of a step h, and its slopes by x, x', delta [mrad], ln K, ln of the damping ratio, soft [mrad].
 
     It is the mean along the straight course from x to x + h x', which makes it smooth in all of them.
     """
-    p = p_x = p_v = p_delta = touching = touching_x = touching_v = touching_delta = 0.0
+    p = p_x = p_v = p_delta = p_soft = 0.0
+    touching = touching_x = touching_v = touching_delta = 0.0
     for side in (1.0, -1.0):
         depth = side * x - delta
-        mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth, depth + side * h * v)
-        p += side * mean
-        p_x += by_a + by_b
-        p_v += h * by_b
-        p_delta -= side * (by_a + by_b)
+        end = depth + side * h * v
+        mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth, end)
         touching += share
         touching_x += side * (share_a + share_b)
         touching_v += side * h * share_b
         touching_delta -= share_a + share_b
+        p += side * _SOFT_SHARE * mean
+        p_x += _SOFT_SHARE * (by_a + by_b)
+        p_v += _SOFT_SHARE * h * by_b
+        p_delta -= side * _SOFT_SHARE * (by_a + by_b)
+        mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth - soft, end - soft)
+        p += side * (1 - _SOFT_SHARE) * mean
+        p_x += (1 - _SOFT_SHARE) * (by_a + by_b)
+        p_v += (1 - _SOFT_SHARE) * h * by_b
+        p_soft -= side * (1 - _SOFT_SHARE) * (by_a + by_b)
+    p_delta += p_soft
     c = K * p + D * touching * v
     if touching <= 1 and c * p <= 0:  # teeth do not pull
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     c_x = K * p_x + D * v * touching_x
     c_v = K * p_v + D * v * touching_v + D * touching
     c_delta = 1e-3 * (K * p_delta + D * v * touching_delta)
-    return c, c_x, c_v, c_delta, K * p + 0.5 * D * touching * v, D * touching * v
+    c_soft = 1e-3 * K * p_soft
+    return c, c_x, c_v, c_delta, K * p + 0.5 * D * touching * v, D * touching * v, c_soft
 
 
 @njit
@@ -141,13 +153,18 @@ def _simulate_turn(theta, h, force, cosine, drive_by, state, state_by, contact_b
     """
     delta, K = 1e-3 * theta[DELTA], np.exp(theta[STIFFNESS])
     D = 2 * np.exp(theta[DAMPING]) * np.sqrt(K)
+    soft = 1e-3 * theta[SOFT]
     contact = np.empty(force.size)
     c_by = np.zeros(2 + _OF_CONTACT)
     x, v = state
     for i in range(force.size):
-        c, c_x, c_v, c_by[2 + DELTA], c_by[2 + STIFFNESS], c_by[2 + DAMPING] = _contact_torque(
-            x, v, h, delta, K, D
+        c, c_x, c_v, c_delta, c_stiffness, c_damping, c_soft = _contact_torque(
+            x, v, h, delta, K, D, soft
         )
+        c_by[2 + DELTA] = c_delta
+        c_by[2 + STIFFNESS] = c_stiffness
+        c_by[2 + DAMPING] = c_damping
+        c_by[2 + SOFT] = c_soft
         contact[i] = c
         middle = x + 0.5 * h * v
         v_end = v + h * (force[i] - cosine[i] * middle - c)
@@ -216,7 +233,7 @@ def find_orbit(theta: FloatArray, c: Comparison, start: FloatArray) -> Orbit | N
 
 
 def _contact_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> ComplexArray:
-    """Slopes of the harmonics of c + mu |c| by the unknowns that c depends on, shape (7, harmonics)."""
+    """Slopes of the harmonics of c + mu |c| by the unknowns that c depends on, shape (8, harmonics)."""
     force, cosine = _drive_load(theta, c)
     end, end_by = orbit.start.copy(), np.eye(2, 2 + _OF_CONTACT)
     contact_by = np.empty((2 + _OF_CONTACT, force.size))
@@ -235,10 +252,14 @@ def _at_harmonics(wave: FloatArray, c: Comparison) -> ComplexArray:
 
 def predict_torque(theta: FloatArray, c: Comparison, contact: FloatArray) -> ComplexArray:
     """The torque's harmonics by the contact torque of a turn: N J_m (a / N + rho (c + mu |c|)), late."""
-    lagged, late = 1 + 1e-3j * theta[LAG] * c.omega, np.exp(-1e-3j * theta[DELAY] * c.omega)
+    lagged, late = 1 + 1e-3j * theta[LAG] * c.omega, _logged(theta, c)
     acceleration = 1j * c.omega * lagged * c.speed
     carried = _at_harmonics(contact + theta[LOSS] * _size(contact, c), c)
     return np.exp(theta[DRIVE]) * late * (acceleration + np.exp(theta[RATIO]) * carried)
+
+
+def _logged(theta: FloatArray, c: Comparison) -> ComplexArray:
+    return np.exp(-1e-3j * theta[DELAY] * c.omega) / (1 + 1e-3j * theta[FILTER] * c.omega)
 
 
 def _size(contact: FloatArray, c: Comparison) -> FloatArray:
@@ -256,7 +277,7 @@ def torque_sd(theta: FloatArray, c: Comparison) -> FloatArray:
     lagged = 1 + 1e-3j * value[LAG] * c.omega
     spring = K + 2j * zeta * np.sqrt(K) * c.omega
     stiff = lagged * (1 + np.exp(value[RATIO]) * spring / (spring - c.omega**2))
-    by_speed = np.exp(value[DRIVE]) * c.omega * np.abs(stiff) * c.speed_sd
+    by_speed = np.exp(value[DRIVE]) * c.omega * np.abs(stiff) * c.speed_sd / np.hypot(1, 1e-3 * value[FILTER] * c.omega)
     return np.sqrt(by_speed**2 + c.torque_sd**2 + c.model_error**2)
 
 
@@ -269,7 +290,7 @@ def residuals(theta: FloatArray, c: Comparison, orbit: Orbit) -> FloatArray:
 def residual_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> FloatArray:
     """Slopes of the residuals by the unknowns, shape (residuals, unknowns)."""
     torque, sd = predict_torque(theta, c, orbit.contact), torque_sd(theta, c)
-    drive = np.exp(theta[DRIVE] - 1e-3j * theta[DELAY] * c.omega)
+    drive = np.exp(theta[DRIVE]) * _logged(theta, c)
     size = _size(orbit.contact, c)
     by = np.zeros((len(UNKNOWNS), c.order.size), dtype=complex)
     by[:_OF_CONTACT] = _contact_slopes(theta, c, orbit)
@@ -278,5 +299,6 @@ def residual_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> FloatArra
     by[LAG] -= 1e-3 * drive * c.omega**2 * c.speed
     by[DRIVE] = torque
     by[DELAY] = -1e-3j * c.omega * torque
+    by[FILTER] = -1e-3j * c.omega / (1 + 1e-3j * theta[FILTER] * c.omega) * torque
     sd_by = (torque_sd(theta[:, None] + 1e-6 * np.eye(theta.size), c) - sd) / 1e-6
     return ((by - (torque - c.torque) * sd_by / sd) / sd).view(float).T

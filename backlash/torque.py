@@ -19,12 +19,14 @@ from backlash.driven_load import (
     DELAY,
     DELTA,
     DRIVE,
+    FILTER,
     FRICTION,
     GRAVITY,
     LAG,
     LOSS,
     PHASE,
     RATIO,
+    SOFT,
     STIFFNESS,
     UNKNOWNS,
     Comparison,
@@ -81,7 +83,10 @@ class TorqueSettings:
     lag_ms: tuple[float, float] = (0.7, 0.5)
     delay_ms: tuple[float, float] = (0.0, 2.0)
     loss: tuple[float, float] = (0.05, 0.15)
-    negative_friction: float = 10.0  # times the weight of a positive one
+    soft_mrad: tuple[float, float] = (0.0, 0.15)
+    filter_ms: tuple[float, float] = (0.0, 3.0)
+    # SDs below zero, where no gap, soft part, friction and filter are.
+    below_zero: tuple[float, ...] = (0.003, 0.015, 0.03, 0.3)
     friction_beyond_sd: float = 0.05  # by which the load's friction may exceed all friction
 
     starts_mrad: tuple[float, ...] = (0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 1.7, 2.4)
@@ -101,6 +106,7 @@ class TorqueSettings:
 
     # Errors beyond what noise explains: on 20 benches of a seed of their own the errors' SD was 0.55 of that with 0.07.
     method_error: float = 0.05
+    soft_error: float = 0.1  # of the soft part: a share of 0.4 or 0.6 in place of a half moves the gap by as much
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.15  # over the backlash: a wider interval is no answer
     most_chi2: float = 3.0  # per compared number; on benches below 2
@@ -117,7 +123,10 @@ class TorqueSettings:
 
 SETTINGS = TorqueSettings()
 # The first steps of a descent, by the places of the unknowns: a bounce of the teeth, or about a prior's SD.
-_FIRST_STEP = np.array([0.3, 0.5, 1.0, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0, 0.1])
+_FIRST_STEP = np.array([0.3, 0.5, 1.0, 0.2, 0.2, 0.1, 0.2, 1.0, 0.2, 0.2, 1.0, 0.1, 2.0])
+
+
+_POSITIVE = [DELTA, SOFT, FRICTION, FILTER]
 
 
 @dataclass(frozen=True)
@@ -162,8 +171,9 @@ class Problem(NamedTuple):
 
     def prior(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances from what is known beforehand over their SDs, and their slopes."""
-        weight = 1 / self.sd
-        weight[FRICTION] *= 1 if theta[FRICTION] > 0 else SETTINGS.negative_friction
+        sd = self.sd.copy()
+        sd[_POSITIVE] = np.where(theta[_POSITIVE] < 0, SETTINGS.below_zero, sd[_POSITIVE])
+        weight = 1 / sd
         beyond = (theta[FRICTION] - self.most_friction) / SETTINGS.friction_beyond_sd
         slope = np.zeros(theta.size)
         slope[FRICTION] = (beyond > 0) / SETTINGS.friction_beyond_sd
@@ -278,7 +288,7 @@ def state_problem(
     mean[PHASE], mean[DRIVE] = np.angle(1j * weight), np.log(drive)
     mean[GRAVITY], sd[GRAVITY] = np.log(g), load.gravity_sd + 1e-3
     mean[RATIO], sd[RATIO] = np.log(rho), load.inertia_sd + 1e-3
-    for name in ("ln_stiffness", "ln_damping", "friction", "lag_ms", "delay_ms", "loss"):
+    for name in ("ln_stiffness", "ln_damping", "friction", "lag_ms", "delay_ms", "loss", "soft_mrad", "filter_ms"):
         place = UNKNOWNS.index(name)
         mean[place], sd[place] = getattr(s, name)
     used = turn.used & (turn.speed.order <= harmonics)
@@ -369,16 +379,16 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     misfit = max(best.chi2 / count, 1.0)
     if not np.isfinite(best.chi2):
         raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
-    covariance = np.asarray(misfit * np.linalg.inv(best.slopes.T @ best.slopes), dtype=float)
+    by = best.slopes[:count]
+    covariance = np.asarray(misfit * np.linalg.inv(by.T @ by + np.diag(problem.sd**-2.0)), dtype=float)
     _check_joint(problem, best, covariance, best.chi2 / count)
     if candidates[0].chi2 < best.chi2 - s.clear * misfit:
         overlap = f"a gap of {candidates[0].theta[DELTA]:.2g} mrad, less than none, fits best"
         raise Refusal(f"{overlap}; are the load's data right?", Reason.NO_FIT)
 
-    delta = 1e-3 * float(best.theta[DELTA])
-    sd = float(np.hypot(1e-3 * np.sqrt(covariance[DELTA, DELTA]), s.method_error * delta))
-    sd = float(np.hypot(sd, s.least_sd_rad))
-    interval = max(delta - NORMAL_95 * sd, 0.0), max(delta + NORMAL_95 * sd, 0.0)
+    delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
+    interval = _interval(best.theta, covariance)
+    sd = (interval[1] - interval[0]) / (2 * NORMAL_95)
     is_none = interval[1] < s.negligible_rad
     low, high = (-np.inf, s.negligible_rad) if is_none else interval
     for rival in rivals:
@@ -409,6 +419,23 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         joint=_quantities(best.theta.copy(), np.sqrt(np.diag(covariance)), turn.gear_ratio),
         model_torque=_model_torque(recording, torque, problem, best),
     )
+
+
+def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
+    """The gap's 95 % interval [rad].
+
+    A soft part and a gap take each other's place, with a fixed soft part the gap's SD is less. As no soft part is less
+    than none, the gap exceeds the best one by no more than the best soft part allows.
+    """
+    s = SETTINGS
+    delta, soft = np.maximum(1e-3 * theta[[DELTA, SOFT]], 0)
+    slope = covariance[DELTA, SOFT] / covariance[SOFT, SOFT]
+    fixed = covariance[DELTA, DELTA] - slope * covariance[DELTA, SOFT]
+    soft_sd = 1e-3 * np.sqrt(covariance[SOFT, SOFT])
+    others = 1e-6 * fixed + (s.method_error * delta) ** 2 + (s.least_sd_rad + s.soft_error * soft) ** 2
+    low = delta - NORMAL_95 * np.hypot(np.sqrt(others), slope * soft_sd)
+    high = delta + NORMAL_95 * np.hypot(np.sqrt(others), slope * min(soft_sd, soft))
+    return max(float(low), 0.0), float(high)
 
 
 def _check_movement(
@@ -466,7 +493,7 @@ _BY_LOGARITHM = {
     "inertia_ratio": RATIO,
     "motor_inertia": DRIVE,
 }
-_PLAIN = {"friction_share": FRICTION, "loss": LOSS, "torque_delay_ms": DELAY, "speed_lag_ms": LAG}
+_PLAIN = {"friction_share": FRICTION, "loss": LOSS, "torque_delay_ms": DELAY, "speed_lag_ms": LAG, "soft_mrad": SOFT, "torque_filter_ms": FILTER}
 
 
 def _quantities(
