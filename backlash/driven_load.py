@@ -37,6 +37,7 @@ UNKNOWNS = (
 DELTA, STIFFNESS, DAMPING, SOFT, FRICTION, PHASE, GRAVITY, LAG = range(8)
 RATIO, DRIVE, DELAY, LOSS, FILTER = range(8, 13)
 _OF_CONTACT = 8  # unknowns that the contact torque depends on, the first ones
+_OF_SD = [STIFFNESS, DAMPING, LAG, RATIO, DRIVE, FILTER]  # those that the torque's SD depends on
 
 _SOFT_SHARE = 0.5
 _MOST_TURNS = 40  # simulated until the orbit closes; Newton's method needs 3 to 10
@@ -120,6 +121,8 @@ def _contact_torque(x, v, h, delta, K, D, soft):
     for side in (1.0, -1.0):
         depth = side * x - delta
         end = depth + side * h * v
+        if depth <= 0 and end <= 0:
+            continue
         mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth, end)
         touching += share
         touching_x += side * (share_a + share_b)
@@ -141,20 +144,19 @@ def _contact_torque(x, v, h, delta, K, D, soft):
     c_x = K * p_x + D * v * touching_x
     c_v = K * p_v + D * v * touching_v + D * touching
     c_delta = 1e-3 * (K * p_delta + D * v * touching_delta)
-    c_soft = 1e-3 * K * p_soft
-    return c, c_x, c_v, c_delta, K * p + 0.5 * D * touching * v, D * touching * v, c_soft
+    damper = D * touching * v
+    return c, c_x, c_v, c_delta, K * p + 0.5 * damper, damper, 1e-3 * K * p_soft
 
 
 @njit
-def _simulate_turn(theta, h, force, cosine, drive_by, state, state_by, contact_by):
-    """Move x and x' on by a turn of x'' = force - cosine x - c, with their slopes, shape (2, columns); return c.
+def _simulate_turn(theta, h, force, cosine, drive_by, state, state_by, contact, contact_by):
+    """Move x and x' on by a turn of x'' = force - cosine x - c, with their slopes, shape (2, columns).
 
-    Columns are x and x' at the turn's start, then the unknowns; `contact_by` receives the slopes of c.
+    Columns are x and x' at the turn's start, then the unknowns, by which the drive has the slopes `drive_by`, shape
+    (2, unknowns, steps); `contact` and `contact_by` receive c and its slopes.
     """
-    delta, K = 1e-3 * theta[DELTA], np.exp(theta[STIFFNESS])
+    delta, K, soft = 1e-3 * theta[DELTA], np.exp(theta[STIFFNESS]), 1e-3 * theta[SOFT]
     D = 2 * np.exp(theta[DAMPING]) * np.sqrt(K)
-    soft = 1e-3 * theta[SOFT]
-    contact = np.empty(force.size)
     c_by = np.zeros(2 + _OF_CONTACT)
     x, v = state
     for i in range(force.size):
@@ -170,75 +172,89 @@ def _simulate_turn(theta, h, force, cosine, drive_by, state, state_by, contact_b
         v_end = v + h * (force[i] - cosine[i] * middle - c)
         for k in range(state_by.shape[1]):
             x_k, v_k = state_by[0, k], state_by[1, k]
-            middle_k = x_k + 0.5 * h * v_k
             c_k = c_by[k] + c_x * x_k + c_v * v_k
-            others_k = drive_by[0, k, i] - drive_by[1, k, i] * middle - cosine[i] * middle_k
-            v_end_k = v_k + h * (others_k - c_k)
+            force_k = -cosine[i] * (x_k + 0.5 * h * v_k)
+            if k >= 2:
+                force_k += drive_by[0, k - 2, i] - drive_by[1, k - 2, i] * middle
+            v_end_k = v_k + h * (force_k - c_k)
             state_by[0, k] += 0.5 * h * (v_k + v_end_k)
             state_by[1, k] = v_end_k
             contact_by[k, i] = c_k
         x += 0.5 * h * (v + v_end)
         v = v_end
     state[0], state[1] = x, v
-    return contact
 
 
-def _drive_load(theta: FloatArray, c: Comparison) -> tuple[FloatArray, FloatArray]:
-    """What drives the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x."""
+def _drive_load(theta: FloatArray, c: Comparison) -> FloatArray:
+    """What drives the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x: force, cosine, sine."""
     angle, angle_by_lag, acceleration, acceleration_by_lag = c.motion
     angle = angle + theta[LAG] * angle_by_lag + theta[PHASE]
     g = np.exp(theta[GRAVITY])
-    force = acceleration + theta[LAG] * acceleration_by_lag
-    return force + g * (np.sin(angle) + theta[FRICTION]), g * np.cos(angle)
+    sine = g * np.sin(angle)
+    force = acceleration + theta[LAG] * acceleration_by_lag + sine + g * theta[FRICTION]
+    return np.array([force, g * np.cos(angle), sine])
 
 
-def _drive_slopes(theta: FloatArray, c: Comparison, cosine: FloatArray) -> FloatArray:
-    """Slopes of force and cosine by the columns, shape (2, columns, steps)."""
-    angle, angle_by_lag, _, acceleration_by_lag = c.motion
-    g = np.exp(theta[GRAVITY])
-    sine = g * np.sin(angle + theta[LAG] * angle_by_lag + theta[PHASE])
-    by = np.zeros((2, 2 + _OF_CONTACT, angle.size))
-    by[0, 2 + FRICTION] = g
-    by[:, 2 + PHASE] = cosine, -sine
-    by[:, 2 + GRAVITY] = sine + g * theta[FRICTION], cosine
-    by[:, 2 + LAG] = acceleration_by_lag + cosine * angle_by_lag, -sine * angle_by_lag
+def _drive_slopes(theta: FloatArray, c: Comparison, drive: FloatArray) -> FloatArray:
+    """Slopes of force and cosine by the unknowns, shape (2, unknowns, steps)."""
+    _, cosine, sine = drive
+    _, angle_by_lag, _, acceleration_by_lag = c.motion
+    by = np.zeros((2, _OF_CONTACT, sine.size))
+    by[0, FRICTION] = g = np.exp(theta[GRAVITY])
+    by[:, PHASE] = cosine, -sine
+    by[:, GRAVITY] = sine + g * theta[FRICTION], cosine
+    by[:, LAG] = acceleration_by_lag + cosine * angle_by_lag, -sine * angle_by_lag
     return by
 
 
 class Orbit(NamedTuple):
-    """A periodic orbit: x and x' where the turn begins, and the contact torque of each step."""
+    """A periodic orbit: x and x' where the turn begins, the contact torque of each step, and what drives the load."""
 
     start: FloatArray
     contact: FloatArray
+    drive: FloatArray
 
 
 def find_orbit(theta: FloatArray, c: Comparison, start: FloatArray) -> Orbit | None:
     """Find the turn that ends where it begins, by Newton's method; None where there is none."""
-    force, cosine = _drive_load(theta, c)
-    drive_by, contact_by = np.zeros((2, 2, force.size)), np.empty((2, force.size))
+    drive = _drive_load(theta, c)
+    start, contact = start.copy(), np.empty(drive.shape[1])
+    is_closed = _close_orbit(theta, c.step_s, drive, start, contact)
+    return Orbit(start, contact, drive) if is_closed else None
+
+
+@njit
+def _close_orbit(theta, h, drive, start, contact):
+    """Move the start until its turn ends there; whether it does."""
+    force, cosine, _ = drive
+    no_unknowns, contact_by = np.empty((2, 0, 0)), np.empty((2, force.size))
     before = np.inf
     for _ in range(_MOST_TURNS):
-        end, end_by = start.copy(), np.eye(2)
-        contact = _simulate_turn(theta, c.step_s, force, cosine, drive_by, end, end_by, contact_by)
-        miss, system = end - start, np.eye(2) - end_by
+        end, by = start.copy(), np.eye(2)
+        _simulate_turn(theta, h, force, cosine, no_unknowns, end, by, contact, contact_by)
+        miss = end - start
         off = abs(miss[0]) + abs(miss[1]) * np.exp(-0.5 * theta[STIFFNESS])
         if off < _CLOSED_RAD:
-            return Orbit(start, contact)
+            return True
         if not off < 1.0:  # ran away
-            return None
-        is_closing = off < before and abs(np.linalg.det(system)) > 1e-9
-        start = start + (np.linalg.solve(system, miss) if is_closing else miss)
+            return False
+        determinant = (1 - by[0, 0]) * (1 - by[1, 1]) - by[0, 1] * by[1, 0]
+        if off < before and abs(determinant) > 1e-9:
+            start[0] += ((1 - by[1, 1]) * miss[0] + by[0, 1] * miss[1]) / determinant
+            start[1] += (by[1, 0] * miss[0] + (1 - by[0, 0]) * miss[1]) / determinant
+        else:
+            start += miss
         before = off
-    return None
+    return False
 
 
 def _contact_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> ComplexArray:
     """Slopes of the harmonics of c + mu |c| by the unknowns that c depends on, shape (8, harmonics)."""
-    force, cosine = _drive_load(theta, c)
-    end, end_by = orbit.start.copy(), np.eye(2, 2 + _OF_CONTACT)
+    force, cosine, _ = orbit.drive
+    end, end_by, contact = orbit.start.copy(), np.eye(2, 2 + _OF_CONTACT), np.empty(force.size)
     contact_by = np.empty((2 + _OF_CONTACT, force.size))
-    drive_by = _drive_slopes(theta, c, cosine)
-    _simulate_turn(theta, c.step_s, force, cosine, drive_by, end, end_by, contact_by)
+    drive_by = _drive_slopes(theta, c, orbit.drive)
+    _simulate_turn(theta, c.step_s, force, cosine, drive_by, end, end_by, contact, contact_by)
     contact_by *= 1 + theta[LOSS] * orbit.contact / _size(orbit.contact, c)
     by = _at_harmonics(contact_by, c)
     # The orbit's start moves with the unknowns, so that the turn ends where it begins.
@@ -300,5 +316,7 @@ def residual_slopes(theta: FloatArray, c: Comparison, orbit: Orbit) -> FloatArra
     by[DRIVE] = torque
     by[DELAY] = -1e-3j * c.omega * torque
     by[FILTER] = -1e-3j * c.omega / (1 + 1e-3j * theta[FILTER] * c.omega) * torque
-    sd_by = (torque_sd(theta[:, None] + 1e-6 * np.eye(theta.size), c) - sd) / 1e-6
+    step = 1e-6 * np.eye(theta.size)[_OF_SD]
+    sd_by = np.zeros(by.shape)
+    sd_by[_OF_SD] = (torque_sd(theta[:, None] + step.T, c) - sd) / 1e-6
     return ((by - (torque - c.torque) * sd_by / sd) / sd).view(float).T
