@@ -3,13 +3,14 @@
 With x = theta_m / N - q the wind-up of the joint:
 
     x'' = a / N - c + g sin(q) + g F        the load under the contact torque c, gravity and friction
-    c = K p(x) + D x' [in contact]          spring and damper, p the penetration beyond the gap of delta to either side
+    c = K (p(delta) + p(delta + e)) / 2 + D x' [in contact]     springs and damper
     T = J_m (a + N rho (c + mu |c|))        the motor's torque, with the loss in the gear
 
-where c is over the load's inertia J_l and never pulls, a is the motor's acceleration, g = m g r / J_l,
-rho = J_l / (N^2 J_m), F the load's friction over gravity, which sets the instants at which the teeth part, and mu the
-loss: the gear's efficiency is 1 / (1 + mu) where the motor drives. Neither the drive nor the motor's own friction is
-in it.
+where p(gap) is how far x is beyond a gap to either side: over e beyond the teeth's gap of delta the spring is half as
+stiff, as strain wave gears' are near zero torque. c is over the load's inertia J_l and never pulls, a is the motor's
+acceleration, g = m g r / J_l, rho = J_l / (N^2 J_m), F the load's friction over gravity, which sets the instants at
+which the teeth part, and mu the loss: the gear's efficiency is 1 / (1 + mu) where the motor drives. The torque is
+logged late, through a low-pass of first order. Neither the drive nor the motor's own friction is in it.
 
 The torque is compared harmonic by harmonic of the mean turn. Noise of the speed reaches it through the model: each
 harmonic's SD is that of both columns there, by the joint with its teeth in contact, and a model error, a share of the
@@ -27,8 +28,9 @@ from backlash.turns import TURN, ComplexArray, Harmonics
 from replication import njit
 from replication.signature import FloatArray
 
-# Unknowns, and their places: delta [mrad], the logarithms of K [1/s^2], of the damping ratio; F, gravity's phase [rad],
-# the logarithm of g [1/s^2], the speed's lag [ms]; the logarithms of rho and of N J_m, the torque's delay [ms], mu.
+# Unknowns, and their places: delta [mrad], the logarithms of K [1/s^2], of the damping ratio, e [mrad]; F, gravity's
+# phase [rad], the logarithm of g [1/s^2], the speed's lag [ms]; the logarithms of rho and of N J_m, the torque's delay
+# [ms], mu, the time constant of the torque's low-pass [ms].
 UNKNOWNS = (
     *("delta_mrad", "ln_stiffness", "ln_damping", "soft_mrad"),
     *("friction", "phase_rad", "ln_gravity", "lag_ms"),
@@ -39,7 +41,9 @@ RATIO, DRIVE, DELAY, LOSS, FILTER = range(8, 13)
 _OF_CONTACT = 8  # unknowns that the contact torque depends on, the first ones
 _OF_SD = [STIFFNESS, DAMPING, LAG, RATIO, DRIVE, FILTER]  # those that the torque's SD depends on
 
-_SOFT_SHARE = 0.5
+_SOFT_SHARE = (
+    0.5  # of K up to e: catalogues of strain wave gears have 0.4 to 0.8 (K_1 / K_3 and K_1 / K_2)
+)
 _MOST_TURNS = 40  # simulated until the orbit closes; Newton's method needs 3 to 10
 _CLOSED_RAD = 1e-11  # a millionth of the least backlash that matters
 
@@ -112,7 +116,7 @@ def _mean_depth(a, b):
 
 @njit
 def _contact_torque(x, v, h, delta, K, D, soft):
-    """The contact torque of a step h, and its slopes by x, x', delta [mrad], ln K, ln of the damping ratio, soft [mrad].
+    """The contact torque of a step h, and its slopes by x, x', delta [mrad], ln K, ln of the damping ratio, e [mrad].
 
     It is the mean along the straight course from x to x + h x', which makes it smooth in all of them.
     """
@@ -275,7 +279,9 @@ def predict_torque(theta: FloatArray, c: Comparison, contact: FloatArray) -> Com
 
 
 def _logged(theta: FloatArray, c: Comparison) -> ComplexArray:
-    return np.exp(-1e-3j * theta[DELAY] * c.omega) / (1 + 1e-3j * theta[FILTER] * c.omega)
+    """Response of the delay and the low-pass between the torque and its log."""
+    low_pass = 1 / (1 + 1e-3j * theta[FILTER] * c.omega)
+    return np.asarray(np.exp(-1e-3j * theta[DELAY] * c.omega) * low_pass)
 
 
 def _size(contact: FloatArray, c: Comparison) -> FloatArray:
@@ -293,7 +299,8 @@ def torque_sd(theta: FloatArray, c: Comparison) -> FloatArray:
     lagged = 1 + 1e-3j * value[LAG] * c.omega
     spring = K + 2j * zeta * np.sqrt(K) * c.omega
     stiff = lagged * (1 + np.exp(value[RATIO]) * spring / (spring - c.omega**2))
-    by_speed = np.exp(value[DRIVE]) * c.omega * np.abs(stiff) * c.speed_sd / np.hypot(1, 1e-3 * value[FILTER] * c.omega)
+    logged = np.exp(value[DRIVE]) / np.hypot(1, 1e-3 * value[FILTER] * c.omega)
+    by_speed = logged * c.omega * np.abs(stiff) * c.speed_sd
     return np.sqrt(by_speed**2 + c.torque_sd**2 + c.model_error**2)
 
 
