@@ -85,7 +85,7 @@ class TorqueSettings:
     loss: tuple[float, float] = (0.05, 0.15)
     # Strain wave gears are softer up to a fifth of their rated torque, where they are wound up by 0.1 to 0.3 mrad;
     # drives low-pass the current that they log at 25 Hz (6 ms) or above.
-    soft_mrad: tuple[float, float] = (0.0, 0.15)
+    soft_mrad: tuple[float, float] = (0.0, 0.2)
     filter_ms: tuple[float, float] = (0.0, 3.0)
     # SDs below zero of gap, soft part, friction and low-pass, of which none can be: small, yet smooth for a descent.
     below_zero: tuple[float, ...] = (0.003, 0.015, 0.03, 0.3)
@@ -250,8 +250,7 @@ class Problem(NamedTuple):
         end = least_squares(
             left, np.zeros(unit.shape[1]), slopes, ftol=tolerance, xtol=1e-6, gtol=None
         )
-        theta = begin.theta + unit @ end.x
-        return Candidate(theta, orbit.start, 2 * float(end.cost))
+        return Candidate(begin.theta + unit @ end.x, orbit.start, 2 * float(end.cost))
 
 
 def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
