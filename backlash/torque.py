@@ -87,8 +87,9 @@ class TorqueSettings:
     # drives low-pass the current that they log at 25 Hz (6 ms) or above.
     soft_mrad: tuple[float, float] = (0.0, 0.2)
     filter_ms: tuple[float, float] = (0.0, 3.0)
-    # SDs below zero of gap, soft part, friction and low-pass, of which none can be: small, yet smooth for a descent.
-    below_zero: tuple[float, ...] = (0.003, 0.015, 0.03, 0.3)
+    # SDs below zero of gap, soft part, friction and low-pass, of which none can be: small, yet smooth for a descent. A
+    # torque is early by what the speed is late beyond its lag.
+    below_zero: tuple[float, ...] = (0.003, 0.015, 0.03, 0.3, 1.5)
     friction_beyond_sd: float = 0.05  # by which the load's friction may exceed all friction
 
     starts_mrad: tuple[float, ...] = (0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 1.7, 2.4)
@@ -122,12 +123,12 @@ class TorqueSettings:
         0.1  # of the soft part: a share of 0.4 or 0.6 in place of a half moves the gap by as much
     )
     least_sd_rad: float = 5e-6  # half a count of 19 bits
-    most_sd: float = 0.15  # over the backlash: a wider interval is no answer
+    most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
     most_off: float = (
         3.5  # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off
     )
-    most_delay_ms: float = 3.0  # a current loop's and a filter's are below
+    most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
     most_ripple: float = 0.1  # acceleration over gravity's; cogging and encoders make a third of it
     # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
@@ -320,7 +321,7 @@ def state_problem(
     used = turn.used & (turn.speed.order <= harmonics)
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, s.loss_smoothing * g)
     sd_below_zero = sd.copy()
-    sd_below_zero[[DELTA, SOFT, FRICTION, FILTER]] = s.below_zero
+    sd_below_zero[[DELTA, SOFT, FRICTION, FILTER, DELAY]] = s.below_zero
     return Problem(compared, mean, sd, sd_below_zero, turn.friction)
 
 
@@ -421,22 +422,29 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     covariance = misfit * _covariance(problem, best)
     _check_joint(problem, best, covariance)
     delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
-    interval = _interval(best.theta, covariance)
-    sd = (interval[1] - interval[0]) / (2 * NORMAL_95)
-    is_none = interval[1] < s.negligible_rad
-    low, high = (-np.inf, s.negligible_rad) if is_none else interval
-    for rival in rivals:
-        if (
-            rival.chi2 < best.chi2 + s.rival * misfit
-            and not low <= 1e-3 * rival.theta[DELTA] <= high
-        ):
-            both = f"{rival.theta[DELTA]:.2g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
-            raise Refusal(f"{both}; {_ADVICE}", Reason.AMBIGUOUS)
-    excluded_rad = s.negligible_rad if is_none else 0.0
-    if not is_none and sd > s.most_sd * delta:
+    own = _interval(best.theta, covariance)
+    is_none = own[1] < s.negligible_rad
+    rivals = [each for each in rivals if each.chi2 < best.chi2 + s.rival * misfit]
+    # Of the answer are the intervals of all minima that fit nearly as well; none has none that is not negligible.
+    others = [
+        (0.0, 1e-3 * each.theta[DELTA])
+        if is_none
+        else _interval(each.theta, misfit * _covariance(problem, each))
+        for each in rivals
+    ]
+    interval = min(low for low, _ in [own, *others]), max(high for _, high in [own, *others])
+    widest = s.negligible_rad if is_none else 2 * NORMAL_95 * s.most_sd * delta
+    if own[1] - own[0] > widest:
         raise Refusal(
             f"the backlash is not known within {s.most_sd:.0%}; {_ADVICE}", Reason.TOO_NOISY
         )
+    if interval[1] - interval[0] > widest:
+        ends = " to ".join(f"{1e3 * end:.2g}" for end in interval)
+        raise Refusal(
+            f"backlashes of {ends} mrad fit nearly as well as {1e3 * delta:.2g} mrad; {_ADVICE}",
+            Reason.AMBIGUOUS,
+        )
+    excluded_rad = s.negligible_rad if is_none else 0.0
     if hold_delta(problem, best, 1e3 * excluded_rad).chi2 - best.chi2 < s.clear * misfit:
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
