@@ -24,7 +24,7 @@ def problem():
     made = torque.state_problem(turn, load, SETTINGS.model_error, 40, SETTINGS.step_s)
     theta = made.mean.copy()
     theta[[DELTA, driven_load.FRICTION, LOSS]] = 0.9, 0.2, 0.1
-    theta[[driven_load.SOFT, driven_load.FILTER]] = 0.2, 2.0
+    theta[[driven_load.SOFT, driven_load.FILTER, driven_load.DELAY]] = 0.2, 2.0, 0.5
     return made, theta
 
 
