@@ -50,8 +50,9 @@ class Estimate:
     amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
     method: str = AMPLITUDE
     chi_squared: float | None = None  # per compared number; about 1 where model and noise are right
-    # By the torque: stiffness K_s / J_l, damping ratio, load friction over gravity, loss, gravity m g r / J_l, inertia
-    # ratio, motor inertia in the torque's unit, delay and lag; each with its SD.
+    # By the torque: stiffness K_s / J_l, damping ratio, the half as stiff part beyond the gap, load friction over
+    # gravity, loss, gravity m g r / J_l, inertia ratio, motor inertia in the torque's unit, the torque's delay and
+    # low-pass, the speed's lag; each with its SD.
     joint: dict[str, tuple[float, float]] | None = None
     turn_period_s: float | None = None  # of the load
     speed_rps: float | None = None  # of the signal's side, in the mean
@@ -117,7 +118,8 @@ def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
         "gravity: as in the data sheet?",
         f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
         f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
-        f"{joint['torque_delay_ms'][0]:.1f} ms late",
+        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {joint['torque_filter_ms'][0]:.1f} ms; teeth "
+        f"half as stiff over {joint['soft_mrad'][0]:.2f} mrad beyond the gap",
     ]
 
 

@@ -15,18 +15,24 @@ from backlash.estimates import estimate
 from backlash.refusals import Reason
 from studies.benches import TURN, Fault, draw_log_uniform, draw_turns
 
-SEED = 471193
+SEED = 381194
+# The check of lines in the speed was added after the second draw began, for the first one's two wrong answers: rows of
+# the gear's errors, and one joint's refusal, are of the sensor with it.
+EARLIER = (
+    "An earlier draw (seed 920517) had 53 of 75 answered, 52 covered, and 2 of 84 faulty logs wrong, both with a "
+    "gear's error 100 a turn; the limits were changed after it."
+)
 LOAD_SDS = (0.1, 0.05)  # relative, by which inertia ratio and gravity are misjudged
 BACKLASH_RAD = (2e-4, 2e-3)
 # Population: load friction over gravity, loss in the gear, logs; every sixth joint is healthy.
 TURNS = {
-    "friction 0 to 20 %, loss 0 to 10 %": ((0.0, 0.2), (0.0, 0.1), 6),
-    "friction 20 to 60 %, loss 0 to 10 %": ((0.2, 0.6), (0.0, 0.1), 6),
-    "friction 0 to 20 %, loss 10 to 25 %": ((0.0, 0.2), (0.1, 0.25), 6),
-    "friction 20 to 60 %, loss 10 to 25 %": ((0.2, 0.6), (0.1, 0.25), 6),
-    "friction 0 to 60 %, loss 25 to 40 %": ((0.0, 0.6), (0.25, 0.4), 6),
+    "friction 0 to 20 %, loss 0 to 10 %": ((0.0, 0.2), (0.0, 0.1), 18),
+    "friction 20 to 60 %, loss 0 to 10 %": ((0.2, 0.6), (0.0, 0.1), 18),
+    "friction 0 to 20 %, loss 10 to 25 %": ((0.0, 0.2), (0.1, 0.25), 18),
+    "friction 20 to 60 %, loss 10 to 25 %": ((0.2, 0.6), (0.1, 0.25), 18),
+    "friction 0 to 60 %, loss 25 to 40 %": ((0.0, 0.6), (0.25, 0.4), 18),
 }
-# What the model lacks, each with friction of 0 to 40 % and a loss of 0 to 25 %, and the reasons that say so.
+# Faults, each with friction of 0 to 40 % and a loss of 0 to 25 %, and the reasons that say so.
 FAULTS = {
     "second axis, 10 % of gravity": (Fault(second_axis=0.1), (Reason.NOT_PERIODIC, Reason.NO_FIT)),
     "torque 10 ms late": (Fault(late_torque_s=0.01), (Reason.NO_FIT,)),
@@ -45,12 +51,10 @@ FAULTS = {
 LOGS_OF_A_FAULT = 6
 
 
-def measure_all(turns: int | None = None, of_a_fault: int = LOGS_OF_A_FAULT) -> DataFrame:
-    """Ask the sensor about every population, a row a log; with `turns` about so many of each."""
-    calls = [
-        (name, number) for name, (*_, logs) in TURNS.items() for number in range(turns or logs)
-    ]
-    calls += [(name, number) for name in FAULTS for number in range(of_a_fault)]
+def measure_all() -> DataFrame:
+    """Ask the sensor about every population, a row a log."""
+    calls = [(name, number) for name, (*_, logs) in TURNS.items() for number in range(logs)]
+    calls += [(name, number) for name in FAULTS for number in range(LOGS_OF_A_FAULT)]
     return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
 
 
@@ -130,12 +134,13 @@ def write_page(sheet: DataFrame) -> str:
     lines = [
         "# The sensor's datasheet",
         "",
-        f"Simulated joints, drawn once by other code than the sensor's (seed {SEED}): rings of 12 to 50 Hz, half plays "
-        "of 0.2 to 2 mrad or none, gears of 50 to 160, 333 to 1000 Hz, twelve turns, load data off by 10 and 5 % (SD). "
-        f"In all, with 95 % intervals: answered {describe_rate(total['answered'], total['joints'])}; of these the "
-        f"interval holds the truth in {describe_rate(total['covered'], total['answered'])}; false all-clears "
+        f"Simulated joints, drawn once by other code than the sensor's; seed ({SEED}) and numbers of logs were fixed "
+        "before. Rings of 12 to 50 Hz, half plays of 0.2 to 2 mrad or none, gears of 50 to 160, 333 to 1000 Hz, twelve "
+        "turns, load data off by 10 and 5 % (SD). In all, with 95 % intervals: answered "
+        f"{describe_rate(total['answered'], total['joints'])}; of these the interval holds the truth in "
+        f"{describe_rate(total['covered'], total['answered'])}; false all-clears "
         f"{describe_rate(total['false_all_clears'], total['joints'])}; healthy joints called "
-        f"{describe_rate(total['healthy_called'], total['healthy'])}.",
+        f"{describe_rate(total['healthy_called'], total['healthy'])}. {EARLIER}",
         "",
         "| By torque, turning round | answered | covered | healthy called |",
         "|-|-|-|-|",
@@ -145,7 +150,7 @@ def write_page(sheet: DataFrame) -> str:
             for row in turns.itertuples()
         ),
         "",
-        "| With a fault that the model lacks | right | refused for it | refused otherwise | wrong |",
+        "| With a fault | right | refused for it | refused otherwise | wrong |",
         "|-|-|-|-|-|",
         *(
             f"| {row.population} | {row.right} | {row.true_reason} | "

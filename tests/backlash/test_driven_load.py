@@ -24,6 +24,7 @@ def problem():
     made = torque.state_problem(turn, load, SETTINGS.model_error, 40, SETTINGS.step_s)
     theta = made.mean.copy()
     theta[[DELTA, driven_load.FRICTION, LOSS]] = 0.9, 0.2, 0.1
+    theta[[driven_load.SOFT, driven_load.FILTER, driven_load.DELAY]] = 0.2, 2.0, 0.5
     return made, theta
 
 
@@ -48,6 +49,30 @@ def test_teeth_never_pull_and_carry_nothing_inside_the_gap(problem):
     inside = np.count_nonzero(contact == 0)
     assert 0 < inside < 0.2 * contact.size
     assert contact.min() < 0 < contact.max()
+
+
+def test_half_of_the_spring_begins_where_the_soft_part_ends():
+    pressed = [
+        driven_load._contact_torque(depth + 1e-3, 0.0, 1e-9, 1e-3, 8e3, 0.0, 4e-4)[0]
+        for depth in (2e-4, 4e-4, 6e-4)
+    ]
+    assert pressed == pytest.approx([0.8, 1.6, 3.2])
+
+
+def test_a_low_pass_takes_the_fast_harmonics_and_delays_all(problem):
+    made, theta = problem
+    contact = driven_load.find_orbit(theta, made.compared, np.zeros(2)).contact
+    plain, filtered = (
+        driven_load.predict_torque(
+            np.where(np.arange(theta.size) == driven_load.FILTER, tau, theta),
+            made.compared,
+            contact,
+        )
+        for tau in (0.0, 5.0)
+    )
+    lag = 5e-3 * made.compared.omega
+    assert np.abs(filtered / plain) == pytest.approx(1 / np.hypot(1, lag))
+    assert np.angle(filtered / plain) == pytest.approx(-np.arctan(lag))
 
 
 def gain_by_loss(problem, contact, loss=0.1):

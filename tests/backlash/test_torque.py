@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import backlash
-from backlash import Reason
+from backlash import Reason, torque
 from studies.benches import BenchLog, Fault, draw_turns
 
 DELTA = 9e-4
@@ -75,6 +75,36 @@ def test_what_does_not_matter_moves_no_answer_by_a_percent(plain, answered, chan
 def test_a_gear_that_loses_torque_is_answered(number, loss):
     log = draw_turns(np.random.default_rng((31, number)), DELTA, 0.1, loss)
     assert is_covered(answer(log), DELTA)
+
+
+UNKNOWN_BESIDE = {
+    "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0),
+    # 0.4 of the stiffness over 0.3 mrad lets the teeth give way as half of it over 0.36 mrad does.
+    "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.36),
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWN_BESIDE)
+def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
+    fault, true = UNKNOWN_BESIDE[name]
+    found = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
+    assert is_covered(found, DELTA)
+    value, sd = found.joint[name]
+    # The delay takes a part of the low-pass, and the share of the stiffness is not the model's.
+    assert value == pytest.approx(true, rel=0.4)
+    assert value > 3 * sd
+
+
+@pytest.mark.parametrize(("soft", "above"), [(0.0, 0.01), (0.3, 0.05)])
+def test_a_soft_part_is_never_less_than_none(soft, above):
+    """Two unknowns that take each other's place: without a soft part the gap is no larger by that."""
+    theta = np.zeros(len(torque.UNKNOWNS))
+    theta[[torque.DELTA, torque.SOFT]] = 1e-3, soft
+    covariance = np.eye(theta.size)
+    together = np.ix_([torque.DELTA, torque.SOFT], [torque.DELTA, torque.SOFT])
+    covariance[together] = [[0.05**2, -0.0049], [-0.0049, 0.1**2]]
+    _, high = torque._interval(theta, covariance)
+    assert high == pytest.approx(1e-3 * 1.96 * above, rel=0.35)
 
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
