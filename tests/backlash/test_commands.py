@@ -129,6 +129,10 @@ def test_an_input_is_never_overwritten(log, capsys):
     assert command("estimate", log, SPEED, "--out", log) == 2
     assert "one of the inputs" in capsys.readouterr().err
     assert log.read_bytes() == before
+    notes = log.with_name("notes.csv")
+    notes.write_text("mine")
+    assert command("estimate", log, SPEED, "--out", notes) == 2
+    assert "not of this command" in capsys.readouterr().err
 
 
 def test_a_defect_is_one_line_that_names_its_place(log, monkeypatch, capsys):
