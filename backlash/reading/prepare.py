@@ -16,7 +16,6 @@ from backlash.refusals import Reason, Refusal
 from replication.records import Recording
 from replication.signature import FloatArray
 
-_RING_HZ = 21.0  # of the oscillation that the signature models, in the paper's joint
 _LEAST_RATE = 4  # samples in its period; with half as many, two of 17 simulated joints were wrong
 _GOOD_RATE = 12  # with fewer, the samples may miss more than 3 % of a peak
 _FASTEST_HZ = 2000.0  # above, neighbouring samples are averaged
@@ -26,7 +25,7 @@ _LEAST_SAMPLES = 8  # of a log, and of a load turn
 # Fewer half turns have too few orders of signs to tell a pattern from noise (see `pattern`).
 _LEAST_TURNS = 4
 _MOST_TURNS = 60  # what is beyond adds nothing but time
-_TOLERANCE = 0.03  # of a speed beside the one that was said
+_TOLERANCE = 0.03  # of a speed beside the one that was said, and of turns alike; backlash disturbs it by some 1 %
 _MOST_DRIFT = 0.01  # of the mean of whole turns
 _SMOOTHING_S = 0.1  # two periods of the ring, a fraction of a turn
 _SPIKE = 0.3  # of the speed, within a sample: no motor's torque does that
@@ -110,7 +109,7 @@ def _read_signals(
         names = " or ".join(lacking.columns[lacking.isna().any()])
         notes.append(f"left out {len(lacking)} rows without {names}")
     clock.refuse_backward(t, table.index)
-    chosen = (t >= (form.start_s or 0.0)) & (t <= (np.inf if form.end_s is None else form.end_s))
+    chosen = (t >= form.start_s) & (t <= form.end_s)
     if np.count_nonzero(chosen) < 3:
         raise Refusal(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
     if not chosen.all():
@@ -144,8 +143,7 @@ def _evenly_sampled(
     t: FloatArray, signals: FloatArray, is_position: bool, form: LogFormat, notes: list[str]
 ) -> tuple[FloatArray, FloatArray]:
     """Samples on the even grid that they were taken on, between gaps; of a position the speed, of a fast log means."""
-    ring_hz = form.ring_hz or _RING_HZ
-    dt = clock.sampling_period(t, _LEAST_RATE * ring_hz, ring_hz)
+    dt = clock.sampling_period(t, _LEAST_RATE * form.ring_hz, form.ring_hz)
     if is_position:
         signals[0] = _unwrapped(t, signals[0], form, notes)
     course = signals[0] if is_position else np.cumsum(signals[0])
@@ -164,7 +162,7 @@ def _evenly_sampled(
         signals[1:] = CubicSpline(t, signals[1:], axis=1).antiderivative()(t)
         signals, t = np.diff(signals) / np.diff(t), t[1:]
         notes.append("speed differentiated from the position, between neighbouring samples")
-    return _averaged(t, signals, ring_hz, notes)
+    return _averaged(t, signals, form.ring_hz, notes)
 
 
 def _averaged(
@@ -267,7 +265,7 @@ def _repeating_turns(
             return level, 0, v.size if np.ptp(np.sign(smooth)) == 0 else 0
         means = uniform_filter1d(v, n, mode="nearest", origin=-(n // 2))[: v.size - n]
         level = _level(means, form.expected_speed_rps)
-    tolerance = form.speed_tolerance * level
+    tolerance = _TOLERANCE * level
     is_alike = np.abs(smooth[n:] - smooth[:-n]) < tolerance
     is_level = np.abs(np.abs(means) - level) < tolerance
     first, last = _longest_run(np.where(is_alike & is_level, np.sign(means), 0.0))
