@@ -151,18 +151,19 @@ def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:
 
 
 def given_column(columns: Sequence[str], given: str) -> str:
-    """Find a column by its name, or by its number in the file, from 1."""
+    """Find a column by its name, with or without its unit, or by its number in the file, from 1."""
     given = str(given)
-    same = [column for column in columns if column.lower() == given.lower()]
-    if given in columns or len(same) == 1:
-        return given if given in columns else same[0]
+    for spell in (str, str.lower, lambda column: split_unit(column)[0]):
+        same = [column for column in columns if spell(column) in (given, given.lower())]
+        if len(same) == 1:
+            return same[0]
     if given.isdigit() and 1 <= int(given) <= len(columns):
         return columns[int(given) - 1]
     raise Refusal(f"no column {given!r}; there are {_listed(columns)}")
 
 
 def _listed(columns: Sequence[str]) -> str:
-    return ", ".join(map(repr, columns))[:300]
+    return ", ".join(map(repr, columns))[:300] or "none"
 
 
 def _named_as(columns: Sequence[str], what: str) -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 import backlash
 from backlash import batch
 from backlash.estimates import Estimate
-from tests.logs import command, noisy, table, write
+from tests.logs import noisy, table, write
 
 HOW = {"turn_period_s": 0.4, "method": "waveform"}
 
@@ -104,15 +104,6 @@ def test_a_defect_of_one_log_stops_no_other(monkeypatch):
     answer = batch.examine_or_refuse("a.csv", None)
     assert batch.is_unusable(answer)
     assert "ZeroDivisionError: of one" in answer.explanation
-
-
-def test_names_that_a_spreadsheet_takes_for_formulas_are_escaped(tmp_path, capsys):
-    log = write(noisy(), tmp_path / "log.csv")
-    rows = pd.DataFrame({"file": [log.name], "joint": ["=1+1"]})
-    rows.to_csv(tmp_path / "plant.csv", index=False)
-    out = tmp_path / "answers.csv"
-    command("estimate --batch", tmp_path / "plant.csv", "--turn-period 0.4 --out", out)
-    assert pd.read_csv(out)["joint"].tolist() == ["'=1+1"]
 
 
 def test_intervals_and_quantities_have_two_columns_each():

@@ -59,15 +59,6 @@ def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
     )  # the binomial 1 in 1000 limit at 95 %; a scatter below the intervals' is not made less
 
 
-def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
-    rows, dates = made(seed=1)
-    wild = rows_of(made(seed=1, sigma=1e-4)[0]["backlash_rad"])
-    usual, wider = (
-        np.ptp(trend_line.fit_trend(each, dates).growth_interval) for each in (rows, wild)
-    )
-    assert wider > usual
-
-
 def test_a_growth_that_is_not_sure_leaves_the_crossing_open():
     found = trend_line.fit_trend(*made(count=4, growth=2e-7), 1.2e-3)
     assert found.crossing is not None
