@@ -24,9 +24,7 @@ def evenly(v, form=TURN, dt=2e-3):
     ("scale", "wrap", "said"),
     [
         (1.0, None, {"unit": "rps"}),
-        (1.0, 1.0, {"unit": "rps"}),
         (2 * np.pi, 2 * np.pi, {"unit": "rad/s"}),
-        (2**19, 2**19, {"unit": "counts", "counts_per_turn": 2.0**19}),
         (2**12, 2**16, {"unit": "counts", "counts_per_turn": 2.0**12}),
     ],
 )
