@@ -4,14 +4,14 @@ import json
 import os
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, TypeAlias, Unpack
 
 import joblib
 import numpy as np
@@ -28,6 +28,7 @@ from backlash.settings import GIVEN, Given, Settings, settings_for
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
+Draw: TypeAlias = Callable[[Estimate, str], None]
 
 
 class Batch(NamedTuple):
@@ -142,12 +143,12 @@ def _is_log(file: Path) -> bool:
 
 
 def run_batch(
-    batch: Batch, jobs: int = -1, journal: Path | None = None, figures: Path | None = None
+    batch: Batch, jobs: int = -1, journal: Path | None = None, draw: Draw | None = None
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine many logs; their numbers and answers come in any order.
 
-    Answers are written into a journal, by which a run goes on where another was interrupted; answers with a fit are
-    drawn into a folder of figures.
+    Answers are written into a journal, by which a run goes on where another was interrupted. `draw` is called with each
+    answer that has a fit, and the name of its figure.
     """
     if jobs == 0 or jobs < -1:
         raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
@@ -159,7 +160,7 @@ def run_batch(
             yield number, replace(earlier[key], file=name_of(calls.pop(number)[0]))
     if jobs < 0 and len(calls) < _WORTH_PROCESSES:
         jobs = 1
-    each = _examine_each(calls, jobs, figures)
+    each = _examine_each(calls, jobs, draw)
     for number, answer in tqdm(each, total=len(calls), unit="log", disable=None, leave=False):
         yield number, answer
         if journal:
@@ -212,14 +213,14 @@ def _unusable(log: object, why: str) -> Estimate:
 
 
 def _examine_each(
-    calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, figures: Path | None
+    calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, draw: Draw | None
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine each numbered log.
 
     A process that dies takes others with it and does not say on which log: what is left is tried again in halves.
     """
     left = dict(calls)
-    tasks = (joblib.delayed(_examine_one)(k, *call, figures) for k, call in calls.items())
+    tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
     with suppress(BrokenProcessPool):
         for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
             del left[number]
@@ -230,20 +231,17 @@ def _examine_each(
     elif left:
         again = list(left.items())
         for half in (again[::2], again[1::2]):
-            yield from _examine_each(dict(half), jobs, figures)
+            yield from _examine_each(dict(half), jobs, draw)
 
 
 def _examine_one(
-    number: int, log: object, settings: Settings | Refusal, figures: Path | None
+    number: int, log: object, settings: Settings | Refusal, draw: Draw | None
 ) -> tuple[int, Estimate]:
     with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
         answer = examine_or_refuse(log, settings)
-        if figures and answer.trace:
-            from backlash import plots
-
+        if draw and answer.trace:
             name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
-            figure = figures / f"{number + 1:05d}_{name}.png"
-            plots.save_figure(plots.estimate_figure(answer), figure)
+            draw(answer, f"{number + 1:05d}_{name}.png")
     return number, replace(answer, trace=None)
 
 

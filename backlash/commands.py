@@ -6,6 +6,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -117,9 +118,7 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
     else:
         answer = estimates.examine(log, settings)
     if options.plot and answer.trace:
-        from backlash import plots
-
-        plots.save_figure(plots.estimate_figure(answer), options.plot)
+        _draw(Path(), answer, options.plot)
     elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
     if options.jsonl:
@@ -131,11 +130,18 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
     return answer
 
 
+def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
+    from backlash import plots
+
+    plots.save_figure(plots.estimate_figure(answer), folder / name)
+
+
 def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     keys = logs.keys.astype("string").fillna("").to_dict("records")
     answers: dict[int, Estimate] = {}
-    for number, answer in batch.run_batch(logs, options.jobs, journal, options.plots):
+    draw = partial(_draw, options.plots) if options.plots else None
+    for number, answer in batch.run_batch(logs, options.jobs, journal, draw):
         answers[number] = answer
         if options.jsonl:
             print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
