@@ -18,7 +18,7 @@ from typing import TypeAlias
 
 import pandas as pd
 
-from backlash.reading.units import KNOWN, known_unit
+from backlash.reading.units import KNOWN, known_unit, words_of
 from backlash.refusals import Refusal, library
 
 MOST_BYTES = 64 * 2**20  # of a log, packed or not
@@ -262,7 +262,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 def _header_names(above: Sequence[Sequence[str]], used: int) -> list[str]:
     """Names of the columns that hold anything, from the rows above the numbers.
 
-    A row of units goes to the row of names above it, and a name of merged cells to those below it.
+    A row of units goes to the row of names above it, and what merged cells say of motor and joint to those below them.
     """
     rows = [list(row) for row in above]
     for row in rows:
@@ -275,7 +275,9 @@ def _header_names(above: Sequence[Sequence[str]], used: int) -> list[str]:
         units = [unit.strip("[]()<> ") for unit in names]
         pairs = zip_longest(rows.pop(), units, fillvalue="")
         names = [f"{name} [{unit}]".strip() if unit else name for name, unit in pairs]
-    if rows and "" in rows[-1] and len(rows[-1]) <= len(names):
+    telling = {*KNOWN["sides"]["motor"], *KNOWN["sides"]["link"], *KNOWN["no_measurement"]}
+    is_over_all = rows and ("" in rows[-1] or len(rows[-1]) == len(names))
+    if is_over_all and words_of(" ".join(rows[-1])) & telling:
         merged: Iterator[str] = accumulate(rows[-1], lambda left, own: own or left)
         pairs = zip_longest(merged, names, fillvalue=rows[-1][-1])
         names = [f"{group} {name}".strip() for group, name in pairs]

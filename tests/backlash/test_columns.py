@@ -34,6 +34,7 @@ CHOICES = [
     (["speed [rps]", "motor speed [rpm]"], "motor speed [rpm]"),
     (["position [rev]", "motor encoder [rev]"], "motor encoder [rev]"),
     (["joint velocity [rps]", "speed [rps]"], "speed [rps]"),
+    (["flange speed [rps]", "speed [rps]"], "speed [rps]"),
     (["speed [rps]", "position [rev]"], "speed [rps]"),
     (["target speed [rps]", "speed [rps]"], "speed [rps]"),
     (["speed_cmd_rps", "motor speed [rps]"], "motor speed [rps]"),
@@ -42,7 +43,7 @@ CHOICES = [
     (["dq[0]", "dq[1]"], None),
     *(
         ([f"{word} speed [rps]", "current"], None)
-        for word in ("target", "cmd", "set", "ref", "desired", "soll", "planned")
+        for word in ("target", "cmd", "set", "ref", "desired", "soll", "planned", "delta")
     ),
 ]
 

@@ -54,6 +54,9 @@ ANSWERED = {
     "units of other columns": text(
         "time,speed,I,temp,U\ns,rad s^-1,A,°C,V", "{t:.4f},{rad:.4f},1,1,1"
     ),
+    "motor and joint above each name": text(
+        "t,Motor,Joint\ntime [s],speed [rpm],speed [rpm]", "{t:.4f},{rpm:.3f},7"
+    ),
     "merged cells": text(",Motor,,Joint\ntime,speed,I,speed\ns,rpm,A,rpm", "{t:.4f},{rpm:.3f},1,7"),
     "quoted numbers": text('"time","speed_rps"', '"{t:.4f}","{v:.5f}"'),
     "thousands with narrow spaces": text("time [s];speed [rpm]", "{t:.4f};{rpm:,.3f}").replace(
