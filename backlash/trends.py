@@ -39,7 +39,7 @@ class Trend:
     points: pd.DataFrame  # `date, file, value, low, high`, by date
     origin: pd.Timestamp  # the line's time zero, the weighted mean date
     line: tuple[float, float]  # value at `origin`, and its growth per day
-    covariance: FloatArray  # of the two
+    variance: np.poly1d  # of the line, over days from `origin`
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
     is_relative: bool  # the values are amplitudes, in percent of the first log's
@@ -48,7 +48,7 @@ class Trend:
     @property
     def growth_interval(self) -> tuple[float, float]:
         """Interval of the growth per day."""
-        half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
+        half = self.quantile * float(np.sqrt(self.variance[2]))
         return self.line[1] - half, self.line[1] + half
 
     @property
@@ -69,12 +69,11 @@ class Trend:
         """Its interval by Fieller's theorem; None: no end within a century, as of a growth that is not sure."""
         if self.limit_rad is None or not self.alarm:
             return None, None
-        (value, growth), ((of_value, shared), (_, of_growth)) = self.line, self.covariance
+        value, growth = self.line
         # The band holds the limit where (value + growth t - limit)^2 <= quantile^2 variance(t).
         distance = np.poly1d([growth, value - self.limit_rad])
-        variance = np.poly1d([of_growth, 2 * shared, of_value])
-        ends = np.sort((distance**2 - self.quantile**2 * variance).roots.real)
-        return tuple(map(self._date, ends.tolist()))
+        ends = (distance**2 - self.quantile**2 * self.variance).roots.real
+        return tuple(map(self._date, sorted(ends.tolist())))
 
     def _date(self, days: float) -> pd.Timestamp | None:
         return self.origin + pd.Timedelta(days=days) if abs(days) < _DAYS_AHEAD else None
@@ -129,9 +128,7 @@ class Trend:
 
     def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The line at days from `origin`, and half the width of its confidence band."""
-        (of_value, shared), (_, of_growth) = self.covariance
-        variance = np.polyval([of_growth, 2 * shared, of_value], days)
-        return np.polyval(self.line[::-1], days), self.quantile * np.sqrt(variance)
+        return np.polyval(self.line[::-1], days), self.quantile * np.sqrt(self.variance(days))
 
 
 def trend(
@@ -273,11 +270,12 @@ def fit_trend(
     line, covariance = np.polyfit(days, grown, 1, w=np.sqrt(weight), cov="unscaled")
     freedom = value.size - 2
     chi2 = float(weight @ (grown - np.polyval(line, days)) ** 2)
+    (of_growth, shared), (_, of_value) = covariance * max(1.0, chi2 / freedom)
     fitted = Trend(
         points=points,
         origin=first + pd.Timedelta(days=middle),
         line=(float(value[0] + line[1]), float(line[0])),
-        covariance=covariance[::-1, ::-1] * max(1.0, chi2 / freedom),
+        variance=np.poly1d([of_growth, 2 * shared, of_value]),
         quantile=float(stdtrit(freedom, (1 + CONFIDENCE) / 2)),
         limit_rad=limit_rad,
         is_relative=relative,
