@@ -28,9 +28,7 @@ from backlash.settings import GIVEN, Given, Settings, settings_for
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
-
-
-Draw: TypeAlias = Callable[[str, Estimate], None]
+Draw: TypeAlias = Callable[[Estimate, str], None]
 
 
 class Batch(NamedTuple):
@@ -41,14 +39,14 @@ class Batch(NamedTuple):
     keys: pd.DataFrame
 
 
-def listed_logs(source: TableOfLogs, column: str) -> tuple[list[Any], pd.DataFrame]:
+def listed_logs(source: TableOfLogs, column: str, *others: str) -> tuple[list[Any], pd.DataFrame]:
     """Logs in a column of a table, and the table without it; a file's names are relative to it."""
-    table = read_rows(source, column)
+    table = read_rows(source, column, *others)
     if not isinstance(source, pd.DataFrame):
         folder = Path(source).parent
+        table[column] = table[column].fillna("")
         for name in {column, "calibration"} & {*table}:
-            names = table[name].map(lambda each: folder / each.strip(), na_action="ignore")
-            table[name] = names.where(names.notna(), "" if name == column else None)
+            table[name] = table[name].map(lambda each: folder / each.strip(), na_action="ignore")
     return table.pop(column).tolist(), table
 
 
@@ -124,21 +122,19 @@ def estimate_many(
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 
-def find_logs(paths: Sequence[Path], left_out: Path | None = None) -> list[Path]:
-    """Logs that files and folders stand for, folders with all below them, each once; an empty folder is refused."""
+def find_logs(paths: Sequence[Path], out: Path | None = None) -> list[Path]:
+    """Logs that files and folders stand for, each once: of a folder all below it but the table of answers."""
+    answers = os.path.realpath(out or os.devnull)
     logs: dict[str, Path] = {}
     for path in paths:
         inside = [path]
         if path.is_dir():
             inside = sorted(file for file in path.rglob("*") if _is_log(file))
-            if not inside:
-                raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
-        for file in inside:
-            logs.setdefault(os.path.realpath(file), file)
-    if left_out:
-        logs.pop(os.path.realpath(left_out), None)
-    if not logs:
-        raise Refusal(f"{left_out}: no log, a table of answers")
+        found = {os.path.realpath(file): file for file in inside}
+        found.pop(answers, None)
+        if not found:
+            raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
+        logs |= found
     return list(logs.values())
 
 
@@ -151,27 +147,25 @@ def run_batch(
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine many logs; their numbers and answers come in any order.
 
-    Answers are written into a journal, by which a run goes on where another was interrupted. `draw` is called with the
-    name of a figure and each answer that has a fit.
+    Answers are written into a journal, by which a run goes on where another was interrupted. `draw` is called with each
+    answer that has a fit, and the name of its figure.
     """
     if jobs == 0 or jobs < -1:
         raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
     calls = dict(enumerate(zip(batch.logs, batch.settings, strict=True)))
-    earlier = read_journal(journal) if journal else {}
     keys = {number: _key(*call) for number, call in calls.items()} if journal else {}
+    earlier = read_journal(journal) if journal else {}
     for number, key in keys.items():
         if key in earlier:
             yield number, replace(earlier[key], file=name_of(calls.pop(number)[0]))
     if jobs < 0 and len(calls) < _WORTH_PROCESSES:
         jobs = 1
-    each = tqdm(
-        _examine_each(calls, jobs, draw), total=len(calls), unit="log", disable=None, leave=False
-    )
-    for number, answer in each:
+    each = _examine_each(calls, jobs, draw)
+    for number, answer in tqdm(each, total=len(calls), unit="log", disable=None, leave=False):
         yield number, answer
         if journal:
+            row = {name: value for name, value in vars(answer).items() if name != "trace"}
             with journal.open("a", encoding="utf-8") as file:
-                row = {name: value for name, value in vars(answer).items() if name != "trace"}
                 file.write(json.dumps({"key": keys[number], **row}) + "\n")
 
 
@@ -179,10 +173,7 @@ def _key(log: object, settings: Settings | Refusal) -> str:
     """What the answer on a log in its present state is kept under."""
     path = Path(os.path.realpath(name_of(log)))
     state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
-    how = str(settings)
-    if isinstance(settings, Settings) and settings.calibration:
-        how = f"{settings.form} {settings.calibration.to_json()}"
-    return str(joblib.hash(repr((__version__, path, state, how))))
+    return str(joblib.hash((__version__, path, state, settings)))
 
 
 def read_journal(journal: Path) -> dict[str, Estimate]:
@@ -229,8 +220,6 @@ def _examine_each(
     A process that dies takes others with it and does not say on which log: what is left is tried again in halves.
     """
     left = dict(calls)
-    # Of a run that stops on a full disk; it says so itself.
-    warnings.filterwarnings("ignore", r"\d+ tasks which were", UserWarning)
     tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
     with suppress(BrokenProcessPool):
         for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
@@ -252,7 +241,7 @@ def _examine_one(
         answer = examine_or_refuse(log, settings)
         if draw and answer.trace:
             name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
-            draw(f"{number + 1:05d}_{name}.png", answer)
+            draw(answer, f"{number + 1:05d}_{name}.png")
     return number, replace(answer, trace=None)
 
 

@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-import re
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -20,8 +19,7 @@ from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
 from replication.records import write_bytes, write_csv, write_text
 
-_FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
-_OURS = ("total_play_high_rad", '"uncertainty_rad"')  # in what --out writes
+_OURS = (b"total_play_high_rad", b'"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
 
@@ -34,21 +32,22 @@ def _given(options: argparse.Namespace) -> dict[str, Any]:
 
 def _check_output(options: argparse.Namespace, option: str, endings: Sequence[str]) -> None:
     """Refuse an output that could not be written, or would overwrite an input, before the work is done."""
-    path: Path | None = getattr(options, option, None)
+    given = vars(options)
+    path: Path | None = given[option]
     if not path:
         return
-    names = [*getattr(options, "log", []), *map(options.__dict__.get, ("batch", "calibration"))]
-    names += map(options.__dict__.get, ("table", "dates"))
-    if os.path.realpath(path) in {os.path.realpath(name) for name in names if name}:
-        raise Refusal(f"--{option} {path}: that is one of the inputs; name another file")
-    if path.suffix.lower() not in endings:
-        raise Refusal(f"--{option} {path}: its name must end in {' or '.join(endings)}")
-    if path.is_dir() or not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise Refusal(
-            f"--{option} {path}: cannot be written there; name a file in a folder that you may write to"
-        )
-    if option == "out" and path.exists() and not _is_ours(path):
-        raise Refusal(f"--out {path}: that file is not of this command; name another, or remove it")
+    inputs = [*given.get("log", []), *map(given.get, ("batch", "calibration", "table", "dates"))]
+    problem = ""
+    if os.path.realpath(path) in {os.path.realpath(name) for name in inputs if name}:
+        problem = "that is one of the inputs; name another file"
+    elif path.suffix.lower() not in endings:
+        problem = f"its name must end in {' or '.join(endings)}"
+    elif path.is_dir() or not os.access(path.parent, os.W_OK):
+        problem = "cannot be written there; name a file in a folder that you may write to"
+    elif option == "out" and path.exists() and not _is_ours(path):
+        problem = "that file is not of this command; name another, or remove it"
+    if problem:
+        raise Refusal(f"--{option} {path}: {problem}")
     if path.suffix.lower() == ".parquet":
         library("pyarrow", "parquet")
     if option == "plot":
@@ -58,8 +57,7 @@ def _check_output(options: argparse.Namespace, option: str, endings: Sequence[st
 def _is_ours(path: Path) -> bool:
     """Whether a file is a table or a calibration that --out wrote, by its start and its end."""
     content = path.read_bytes()
-    ends = (content[: 2**16] + content[-(2**16) :]).decode("utf-8", "replace")
-    return any(mark in ends for mark in _OURS)
+    return any(mark in content[: 2**16] + content[-(2**16) :] for mark in _OURS)
 
 
 def _as_json(content: object, indent: int | None = 1) -> str:
@@ -70,11 +68,9 @@ def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
     _check_output(options, "plot", _FIGURES)
     _check_output(options, "out", (".csv", ".parquet"))
-    failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
-    earlier = options.out if options.out and options.out.exists() else None
-    source = options.batch or batch.find_logs(options.log, earlier)
+    source = options.batch or batch.find_logs(options.log, options.out)
     logs = batch.read_batch(source, _given(options))
     count = len(logs.logs)
     if Path(STDIN) in logs.logs and (count > 1 or options.out):
@@ -85,32 +81,13 @@ def run_estimate(options: argparse.Namespace) -> int:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
     if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
-        answers = [_estimate_one(logs, options)]
+        _estimate_one(logs, options)
     else:
-        answers = _estimate_many(logs, options)
-    is_met = any(
-        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
-        for answer in answers
-        for verdict, limit_rad in failures
-    )
-    return Exit.FAILED if is_met else Exit.DONE
+        _estimate_many(logs, options)
+    return Exit.DONE
 
 
-def _failures(text: str | None) -> list[tuple[str, float]]:
-    """Verdicts of --fail-on, each with the backlash [rad] above which it counts."""
-    failures = []
-    for term in text.split(",") if text is not None else ():
-        match = _FAIL_ON.fullmatch(term.strip())
-        if not match:
-            raise Refusal(
-                f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
-            )
-        verdict = (match[1] or "backlash").replace("-", " ")
-        failures.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
-    return failures
-
-
-def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
+def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> None:
     [log], [settings] = logs.logs, logs.settings
     if options.json or options.jsonl:
         answer = batch.examine_or_refuse(log, settings)
@@ -119,9 +96,7 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
     else:
         answer = estimates.examine(log, settings)
     if options.plot and answer.trace:
-        from backlash import plots
-
-        plots.save_figure(plots.estimate_figure(answer), options.plot)
+        _draw(Path(), answer, options.plot)
     elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
     if options.jsonl:
@@ -130,14 +105,19 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
         print(_as_json([answer.to_dict()]) if options.json else answer)
     if batch.is_unusable(answer):
         raise Refusal(answer.explanation)
-    return answer
 
 
-def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
+def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
+    from backlash import plots
+
+    plots.save_figure(plots.estimate_figure(answer), folder / name)
+
+
+def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> None:
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     keys = logs.keys.astype("string").fillna("").to_dict("records")
-    draw = partial(_draw, options.plots) if options.plots else None
     answers: dict[int, Estimate] = {}
+    draw = partial(_draw, options.plots) if options.plots else None
     for number, answer in batch.run_batch(logs, options.jobs, journal, draw):
         answers[number] = answer
         if options.jsonl:
@@ -157,28 +137,17 @@ def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estim
     if len(bad) == len(in_order):
         raise Refusal(f"none of {len(bad)} logs is usable; the first: {bad[0].explanation}")
     if bad:
-        print(
-            f"{len(bad)} of {len(in_order)} logs are not usable; their rows say why",
-            file=sys.stderr,
-        )
+        what = f"{len(bad)} of {len(in_order)} logs are not usable; their rows say why"
+        print(what, file=sys.stderr)
     if not (options.json or options.jsonl or options.out):
         print(*in_order, sep="\n")
-    return in_order
-
-
-def _draw(folder: Path, name: str, answer: Estimate) -> None:
-    from backlash.plots import estimate_figure, save_figure
-
-    save_figure(estimate_figure(answer), folder / name)
 
 
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options, "out", (".json",))
-    logs, table = batch.listed_logs(options.table, "log")
+    logs, table = batch.listed_logs(options.table, "log", "backlash_rad")
     with naming(str(options.table)):
-        if "backlash_rad" not in table:
-            raise Refusal("no column backlash_rad")
         delta_rad = numbers(table, "backlash_rad").tolist()
     made = estimates.calibrate(logs, delta_rad, **_given(options))
     write_text(options.out, made.to_json())

@@ -21,10 +21,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command of the sensor; whatever happens, no traceback, and no library's warnings."""
-    if sys.stdout is None:
-        print("the answer cannot be written (the standard output is closed)", file=sys.stderr)
-        return Exit.DEFECT
-    os.environ["MPLBACKEND"] = "agg"  # plots are written to files, whatever the user's backend is
+    # Plots are written to files, whatever the user's settings of matplotlib are.
+    os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
             stream.reconfigure(errors="replace")

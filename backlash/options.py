@@ -15,7 +15,7 @@ _ABOUT = (
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
     "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered."
 )
-_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
+_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 130 interrupted."
 _EXAMPLE = (
     "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
     "or more: backlash estimate log.csv --unit rpm --torque torque --gear-ratio 100 --motor-inertia 1e-4 "
@@ -50,7 +50,6 @@ class Exit(IntEnum):
     DONE = 0
     DEFECT = 1
     UNUSABLE = 2
-    FAILED = 3
     INTERRUPTED = 130
 
 
@@ -69,54 +68,64 @@ def _path(text: str) -> Path:
 
 def parser() -> argparse.ArgumentParser:
     """The commands `estimate`, `calibrate` and `trend`."""
-    whole = _OneLineParser(prog="backlash", description=_ABOUT, epilog=_STATUS)
-    whole.add_argument("--version", action="version", version=__version__)
-    commands = whole.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    what = "backlash (half of the play) from logs of the motor encoder and torque"
-    estimate = commands.add_parser(
-        "estimate", help=what, description=f"{_ABOUT} {_EXAMPLE}", epilog=_WRONG + _STATUS
+    whole: argparse.ArgumentParser = _OneLineParser(
+        prog="backlash", description=_ABOUT, epilog=_STATUS
     )
-    what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
+    whole.add_argument("--version", action="version", version=__version__)
+    commands = whole.add_subparsers(required=True, metavar="COMMAND")
+    log = argparse.ArgumentParser(add_help=False)
+    _add_movement(log)
+    _add_columns(log)
+    load = argparse.ArgumentParser(add_help=False)
+    _add_torque(load)
+    _add_speed(load)
+    what = "backlash (half of the play) from logs of the motor encoder and torque"
+    about = f"{_ABOUT} {_EXAMPLE}"
+    estimate = commands.add_parser(
+        "estimate", parents=[load, log], help=what, description=about, epilog=_WRONG + _STATUS
+    )
     estimate.set_defaults(run=lambda commands, options: commands.run_estimate(options))
-    estimate.add_argument("log", nargs="*", type=_path, help=what)
-    calibrate = commands.add_parser("calibrate", help="a calibration from logs of known backlash")
+    _add_answers(estimate)
+    what = "a calibration from logs of known backlash"
+    calibrate = commands.add_parser("calibrate", parents=[log], help=what)
     calibrate.set_defaults(run=lambda commands, options: commands.run_calibrate(options))
     _add_calibrate(calibrate)
-    trend = commands.add_parser("trend", help="growth of the backlash, and when it crosses a limit")
+    what = "growth of the backlash, and when it crosses a limit"
+    trend = commands.add_parser("trend", parents=[load, log], help=what)
     trend.set_defaults(run=lambda commands, options: commands.run_trend(options))
     _add_trend(trend)
     for command in (estimate, trend):
-        _add_torque(command)
-        _add_speed(command)
-    for command in (estimate, calibrate, trend):
-        _add_movement(command)
-        _add_columns(command)
-    for command in (estimate, trend):
-        if command is estimate:
-            _add_answers(command)
-        many = command.add_argument_group("many logs")
-        many.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores)")
-        if command is estimate:
-            _add_plant(many)
+        what = "processes (default: all cores)"
+        command.add_argument("--jobs", type=int, default=-1, help=what)
     return whole
 
 
+def _add_numbers(group: argparse._ArgumentGroup, *rows: tuple[str, str, str, str]) -> None:
+    """Options of a number each: option, keyword of `estimate`, unit, help."""
+    for option, name, unit, what in rows:
+        group.add_argument(option, dest=name, type=float, metavar=unit, help=what)
+
+
 def _add_answers(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument_group("answers").add_argument
-    add(
-        "--json", action="store_true", help="print an array with an object for each log, at the end"
-    )
+    what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
+    command.add_argument("log", nargs="*", type=_path, help=what)
+    group = command.add_argument_group("answers")
+    add = group.add_argument
+    what = "print an array with an object for each log, at the end"
+    add("--json", action="store_true", help=what)
     what = "print a line with an object for each log, as soon as it is answered"
     add("--jsonl", action="store_true", help=what)
     what = "write a table, one row per log: .csv or .parquet; interrupted, the same command goes on"
     add("--out", type=_path, metavar="TABLE", help=what)
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
-    add("--arm", dest="arm_m", type=float, metavar="M", help="give the play in mm at this arm, too")
+    _add_numbers(group, ("--arm", "arm_m", "M", "give the play in mm at this arm, too"))
     what = (
-        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
+        "CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
+        "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
+        "calibration, ..."
     )
-    add("--fail-on", metavar="LIST", help=what)
+    add("--batch", type=_path, metavar="TABLE", help=what)
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
@@ -140,9 +149,11 @@ def _add_trend(command: argparse.ArgumentParser) -> None:
 
 
 def _add_torque(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument_group("by the torque (recommended)", _TORQUE).add_argument
-    add("--torque", metavar="COLUMN", help="or current; positive if it drives forward")
-    for option, name, unit, what in (
+    group = command.add_argument_group("by the torque (recommended)", _TORQUE)
+    what = "or current; positive if it drives forward"
+    group.add_argument("--torque", metavar="COLUMN", help=what)
+    _add_numbers(
+        group,
         ("--motor-inertia", "motor_inertia_kgm2", "KGM2", "J_m, to check the torque's unit, too"),
         ("--load-mass", "load_mass_kg", "KG", "m, of all that the joint moves"),
         ("--load-arm", "load_arm_m", "M", "r, from the axis to its centre of mass"),
@@ -151,8 +162,7 @@ def _add_torque(command: argparse.ArgumentParser) -> None:
         ("--gravity", "gravity_per_s2", "PER_S2", "m g r/J_l; 9.81/r of a point at r [m]"),
         ("--inertia-sd", "inertia_sd", "SHARE", "relative SD of the inertia ratio (0.1)"),
         ("--gravity-sd", "gravity_sd", "SHARE", "relative SD of the gravity (0.05)"),
-    ):
-        add(option, dest=name, type=float, metavar=unit, help=what)
+    )
 
 
 def _add_speed(command: argparse.ArgumentParser) -> None:
@@ -163,24 +173,19 @@ def _add_speed(command: argparse.ArgumentParser) -> None:
 
 
 def _add_movement(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument_group("the movement", _SIDES).add_argument
-    for option, name, unit, what in (
+    group = command.add_argument_group("the movement", _SIDES)
+    ring = "of the oscillation after an impact (21): sample 4 times as fast"
+    _add_numbers(
+        group,
         ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn; 1 for the joint's side"),
         ("--turn-period", "turn_period_s", "S", "of the load [s], instead or too"),
         ("--commanded-speed", "commanded_speed_rps", "RPS", "to check the unit by"),
-        ("--speed-tolerance", "speed_tolerance", "SHARE", "of the mean speed of each turn (0.03)"),
-        (
-            "--ring",
-            "ring_hz",
-            "HZ",
-            "of the oscillation after an impact (21): sample 4 times as fast",
-        ),
+        ("--ring", "ring_hz", "HZ", ring),
         ("--from", "start_s", "S", "leave out what is before [s from the first sample]"),
         ("--to", "end_s", "S", "leave out what is after"),
-    ):
-        add(option, dest=name, type=float, metavar=unit, help=what)
+    )
     what = "the turn that is given is right, whatever the record seems to repeat itself by"
-    add("--trust-period", action="store_true", help=what)
+    group.add_argument("--trust-period", action="store_true", help=what)
 
 
 def _add_columns(command: argparse.ArgumentParser) -> None:
@@ -188,27 +193,16 @@ def _add_columns(command: argparse.ArgumentParser) -> None:
         "Columns by name, or by number in the file, from 1; else the motor's measured ones are found by name, and what "
         "may be two things is asked for. Every answer names them, with their units."
     )
-    add = command.add_argument_group("the log's columns", what).add_argument
+    group = command.add_argument_group("the log's columns", what)
+    add = group.add_argument
     add("--time", metavar="COLUMN", help="stamps")
-    add(
-        "--time-unit",
-        choices=("s", "ms", "us", "ns", "100ns", "min", "h", "d"),
-        help="of the time stamps",
-    )
-    what = "without stamps, or where they are to be ignored: samples a second"
-    add("--rate", dest="rate_hz", type=float, metavar="HZ", help=what)
+    units = ("s", "ms", "us", "ns", "100ns", "min", "h", "d")
+    add("--time-unit", choices=units, help="of the time stamps")
+    rate = "without stamps, or where they are to be ignored: samples a second"
+    _add_numbers(group, ("--rate", "rate_hz", "HZ", rate))
     add("--speed", metavar="COLUMN", help="of the motor, or the joint (--gear-ratio 1)")
     add("--position", metavar="COLUMN", help="instead of the speed")
     what = "of the speed; of a position: rps for turns, rad/s for rad"
     add("--unit", choices=UNITS, help=what)
-    what = "encoder counts of a motor turn"
-    add("--counts-per-turn", type=float, metavar="N", help=what)
-
-
-def _add_plant(group: argparse._ArgumentGroup) -> None:
-    what = (
-        "CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
-        "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
-        "calibration, ..."
-    )
-    group.add_argument("--batch", type=_path, metavar="TABLE", help=what)
+    counts = "encoder counts of a motor turn"
+    _add_numbers(group, ("--counts-per-turn", "counts_per_turn", "N", counts))

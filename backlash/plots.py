@@ -1,54 +1,33 @@
 """Plots of the virtual sensor's answers: arrays in, a matplotlib figure out."""
 
-from collections.abc import Callable
-from functools import wraps
 from io import BytesIO
 from pathlib import Path
 from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
+from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from backlash.estimates import Estimate
 from backlash.refusals import one_line
-from backlash.trends import Trend, growth_over_time
+from backlash.trends import Trend, days_since
+from replication.figures import STYLE, in_style
 from replication.records import write_bytes
 
 _SHOWN_TURNS = 3
 _TITLE_LETTERS = 70  # in a line
-_STYLE = Path(__file__).with_name("data") / "plots.mplstyle"
-# By ending, stamps that would make each file another; None leaves them out.
-STAMPS: dict[str, dict[str, None]] = {
-    ".png": {},
-    ".svg": {"Date": None},
-    ".pdf": {"CreationDate": None},
-}
-
-
-def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
-    """Draw a figure in the sensor's style, leaving matplotlib's settings alone."""
-
-    @wraps(plot)
-    def styled(*args) -> Figure:
-        with plt.style.context(_STYLE, after_reset=True):
-            figure = plot(*args)
-            interactive = mpl.is_interactive()
-        # A notebook's backend switches this on with its first figure; switched back, no other
-        # figure would be shown.
-        mpl.interactive(interactive)
-        return figure
-
-    return styled
+# Dates would make each file another.
+_UNDATED: dict[str, dict[str, None]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 
 def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure whole or not at all, the same bytes each time; it is closed."""
     content, ending = BytesIO(), path.suffix.lower()
-    with plt.style.context(_STYLE, after_reset=True):
-        figure.savefig(content, format=ending[1:], metadata=STAMPS[ending])
+    with mpl.rc_context(STYLE):
+        figure.savefig(content, format=ending[1:], metadata=_UNDATED.get(ending))
     plt.close(figure)
     write_bytes(path, content.getvalue())
 
@@ -79,63 +58,35 @@ def estimate_figure(answer: Estimate) -> Figure:
     return figure
 
 
-def _draw_alarms(axis: Axes, trend: Trend) -> None:
-    """Draw the growth that the logs up to each date told; it is an alarm where its interval is above zero."""
-    told = growth_over_time(trend)
-    scale, unit = trend.shown_in
-    growth, low, high = (
-        365.25 * scale * told[name].to_numpy() for name in ("growth", "low", "high")
-    )
-    for is_alarm, color, label in ((False, "0.5", "no alarm"), (True, "C3", "alarm")):
-        of = (low > 0) == is_alarm
-        ends = np.array([growth - low, high - growth])[:, of]
-        axis.errorbar(
-            told["date"][of], growth[of], ends, fmt="o", color=color, markersize=4, label=label
-        )
-    axis.axhline(0, color="black", linewidth=0.7)
-    top = max(2 * np.abs(growth).max(), 1e-9)
-    axis.set_ylim(-top / 2, top)
-    axis.set(ylabel=f"growth [{unit} a year]")
-
-
 @in_style
 def trend_figure(trend: Trend) -> Figure:
-    """Show dated estimates with the line through them and the limit, and below when the growth was an alarm."""
-    figure, (axis, below) = plt.subplots(2, figsize=(5.3, 5.0), height_ratios=(3, 2), sharex=True)
-    _draw_alarms(below, trend)
+    """Show dated estimates with the line through them, and when it crosses the limit."""
+    figure, axis = plt.subplots(figsize=(5.3, 3.4))
     points = trend.points
     scale, unit = trend.shown_in
-    delta = scale * points["value"].to_numpy()
-    ends = np.abs(scale * points[["low", "high"]].to_numpy().T - delta)
-    axis.errorbar(
-        points["date"],
-        delta,
-        ends,
-        fmt="o",
-        color="black",
-        markersize=4,
-        capsize=3,
-        label="estimate, 95 %",
-    )
-    since = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
-    last, length = since[-1], np.ptp(since)
-    if trend.crossing_days:
-        ahead = trend.crossing_days[0] + 0.15 * length
-        last = max(last, min(ahead, last + 2 * length))
+    value = scale * points["value"]
+    ends = np.abs(scale * points[["low", "high"]].to_numpy().T - value.to_numpy())
+    axis.errorbar(points["date"], value, ends, fmt="ko", label="estimate, 95 %")
+    since = days_since(points["date"], trend.origin)
+    last = since[-1]
+    if trend.crossing:
+        ahead = (trend.crossing - trend.origin).days + 0.15 * np.ptp(since)
+        last = np.clip(ahead, last, last + 2 * np.ptp(since))
     days = np.linspace(since[0], last, 200)
     line, half = trend.band(days)
-    dates = trend.origin + np.round(days * 86400).astype("timedelta64[s]")
+    dates = trend.origin + pd.to_timedelta(days, unit="D")
     axis.plot(dates, scale * line, color="C0", label="line")
-    ends = scale * (line - half), scale * (line + half)
-    axis.fill_between(dates, *ends, color="C0", alpha=0.15, lw=0, label="its 95 %")
+    low, high = scale * (line - half), scale * (line + half)
+    axis.fill_between(dates, low, high, color="C0", alpha=0.15, lw=0, label="its 95 %")
     if trend.limit_rad is not None:
-        axis.axhline(1e3 * trend.limit_rad, color="C3", linestyle="--", label="limit")
-        first, after = trend.crossing_interval or (None, None)
-        if first is not None:
-            last_drawn = min(after or dates[-1], dates[-1])
-            axis.axvspan(first, last_drawn, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
+        axis.axhline(scale * trend.limit_rad, color="C3", linestyle="--", label="limit")
+        first, after = trend.crossing_interval
+        if first and after:
+            span = first, min(after, dates[-1])
+            axis.axvspan(*span, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.margins(x=0.03)
     axis.set(ylabel=f"{name} [{unit}]", ylim=(0, None))
+    axis.xaxis.set_major_formatter(ConciseDateFormatter(axis.xaxis.get_major_locator()))
     figure.legend(loc="outside lower center", ncols=3)
     return figure

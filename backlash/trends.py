@@ -1,8 +1,7 @@
 """Backlash over time from dated logs, and the date at which it crosses a limit.
 
 The line through the dated estimates is weighted by their intervals, widened where they scatter
-more. The crossing's interval is that of Fieller's theorem: the dates at which the line's confidence
-band holds the limit. Where no log has an absolute backlash, the line goes through the amplitudes
+more. Where no log has an absolute backlash, the line goes through the amplitudes
 instead, in percent of the first.
 """
 
@@ -30,6 +29,7 @@ CONFIDENCE = 0.95
 _LEAST_DATES = 3
 _DATE = re.compile(r"(?<!\d)(\d{4})[-_.]?(\d{2})[-_.]?(\d{2})(?!\d)")
 _DAYS_AHEAD = 36525  # a century; further off, a date says nothing
+_DAYS_A_YEAR = 365.25
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,17 @@ class Trend:
     points: pd.DataFrame  # `date, file, value, low, high`, by date
     origin: pd.Timestamp  # the line's time zero, the weighted mean date
     line: tuple[float, float]  # value at `origin`, and its growth per day
-    covariance: FloatArray  # of the two
+    variance: np.poly1d  # of the line, over days from `origin`
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
+    is_relative: bool  # the values are amplitudes, in percent of the first log's
     warnings: tuple[str, ...]
-    is_relative: bool = False  # the values are amplitudes, in percent of the first log's
+
+    @property
+    def growth_interval(self) -> tuple[float, float]:
+        """Interval of the growth per day."""
+        half = self.quantile * float(np.sqrt(self.variance[2]))
+        return self.line[1] - half, self.line[1] + half
 
     @property
     def alarm(self) -> bool:
@@ -51,24 +57,26 @@ class Trend:
         return self.growth_interval[0] > 0
 
     @property
-    def crossing_days(self) -> tuple[float, float | None, float | None] | None:
-        """When a growing line reaches the limit, and the ends of the interval, in days from `origin`."""
-        a, b = self.line
-        if self.limit_rad is None or b <= 0:
-            return None
-        ends = _fieller_days(self.line, self.covariance, self.quantile, self.limit_rad)
-        return (self.limit_rad - a) / b, *ends
-
-    @property
     def crossing(self) -> pd.Timestamp | None:
-        """When the line reaches the limit, if that is within a century."""
-        return _date(self.origin, self.crossing_days[0]) if self.crossing_days else None
+        """When a growing line reaches the limit, if that is within a century."""
+        value, growth = self.line
+        if self.limit_rad is None or growth <= 0:
+            return None
+        return self._date((self.limit_rad - value) / growth)
 
     @property
-    def crossing_interval(self) -> tuple[pd.Timestamp | None, ...] | None:
-        """Interval of the crossing; None: no end in a century."""
-        days = self.crossing_days
-        return days and tuple(_date(self.origin, end) for end in days[1:])
+    def crossing_interval(self) -> tuple[pd.Timestamp | None, ...]:
+        """Its interval by Fieller's theorem; None: no end within a century, as of a growth that is not sure."""
+        if self.limit_rad is None or not self.alarm:
+            return None, None
+        value, growth = self.line
+        # The band holds the limit where (value + growth t - limit)^2 <= quantile^2 variance(t).
+        distance = np.poly1d([growth, value - self.limit_rad])
+        ends = (distance**2 - self.quantile**2 * self.variance).roots.real
+        return tuple(map(self._date, sorted(ends.tolist())))
+
+    def _date(self, days: float) -> pd.Timestamp | None:
+        return self.origin + pd.Timedelta(days=days) if abs(days) < _DAYS_AHEAD else None
 
     @property
     def shown_in(self) -> tuple[float, str]:
@@ -93,8 +101,7 @@ class Trend:
             f"growth_interval_{unit}_per_day": list(self.growth_interval),
             "limit_rad": self.limit_rad,
             "crossing_date": _day(self.crossing),
-            "crossing_interval": self.crossing_interval
-            and [_day(end) for end in self.crossing_interval],
+            "crossing_interval": [_day(end) for end in self.crossing_interval],
             "confidence": CONFIDENCE,
             "warnings": list(self.warnings),
             "is_relative": self.is_relative,
@@ -110,29 +117,18 @@ class Trend:
             f"  {one_line(row.file)}"
             for row in self.points.itertuples()
         ]
-        growth, low, high = (
-            scale * 365.25 * rate for rate in (self.line[1], *self.growth_interval)
-        )
+        growth, low, high = scale * _DAYS_A_YEAR * np.array([self.line[1], *self.growth_interval])
         sure = "; alarm: it grows" if self.alarm else ""
         lines.append(f"growth {growth:.3f} {unit} a year (95 %: {low:.3f} to {high:.3f}){sure}")
         if self.limit_rad is not None and self.crossing is not None:
-            first, last = (_day(end) or "no date" for end in self.crossing_interval or (None, None))
-            crossed = f"{1e3 * self.limit_rad:.3f} mrad crossed on {self.crossing:%Y-%m-%d}"
+            first, last = (_day(end) or "no date" for end in self.crossing_interval)
+            crossed = f"{1e3 * self.limit_rad:.3f} mrad crossed on {_day(self.crossing)}"
             lines.append(f"{crossed} (95 %: {first} to {last})")
         return "\n".join([*lines, *(f"note: {one_line(warning)}" for warning in self.warnings)])
 
-    @property
-    def growth_interval(self) -> tuple[float, float]:
-        """Interval of the growth per day."""
-        half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
-        return self.line[1] - half, self.line[1] + half
-
     def band(self, days: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The line at days from `origin`, and half the width of its confidence band."""
-        a, b = self.line
-        (of_a, shared), (_, of_b) = self.covariance
-        variance = np.polyval([of_b, 2 * shared, of_a], days)
-        return a + b * days, self.quantile * np.sqrt(np.maximum(variance, 0.0))
+        return np.polyval(self.line[::-1], days), self.quantile * np.sqrt(self.variance(days))
 
 
 def trend(
@@ -228,20 +224,18 @@ def trend_many(
 
 def dates_of(files: Sequence[Path], table: str | PathLike[str] | None = None) -> list[pd.Timestamp]:
     """Date of each log, by the table's columns `file` and `date`, else by its name, as in `axis4_2024-03-17.csv`."""
-    known = {}
     if table:
-        dated = read_rows(table, "file", "date")
-        known = dict(zip(dated["file"], dated["date"], strict=True))
-    found = []
-    for file in files:
-        date = known.get(file.name, known.get(str(file)))
-        match = _DATE.search(file.stem)
-        if match and table is None:
-            date = pd.to_datetime("-".join(match.groups()), errors="coerce")
+        listed = read_rows(table, "file", "date").set_index("file")["date"].to_dict()
+        found = [listed.get(file.name, listed.get(str(file))) for file in files]
+        where = f"in {table}"
+    else:
+        matches = [_DATE.search(file.stem) for file in files]
+        texts = ["-".join(match.groups()) if match else None for match in matches]
+        found = list(pd.to_datetime(texts, errors="coerce"))
+        where = "in its name (like 2024-03-17); give --dates"
+    for file, date in zip(files, found, strict=True):
         if pd.isna(date):
-            where = f"in {table}" if table else "in its name (like 2024-03-17); give --dates"
             raise Refusal(f"{file}: no date {where}")
-        found.append(date)
     return found
 
 
@@ -260,59 +254,41 @@ def fit_trend(
     points = _points(answers.assign(date=list(dates)), relative)
     warnings = _left_out(points, answers)
     if relative:
-        warnings.append(
-            "relative: the oscillation's amplitude in percent of the first log's, not the backlash"
-        )
-        if limit_rad is not None:
-            warnings.append("a limit in rad says nothing of a relative trend")
+        what = "the oscillation's amplitude in percent of the first log's, not the backlash"
+        warnings.append(f"relative: {what}; a limit in rad says nothing of it")
         limit_rad = None
-    trend, is_curved = _line_through(points, limit_rad, relative)
-    if is_curved:
-        warnings.append("the growth is no straight line: the date of the crossing may be far off")
-    days = (points["date"] - trend.origin).dt.total_seconds().to_numpy() / 86400
-    return replace(trend, warnings=(*warnings, *_notes_on_crossing(trend, days)))
-
-
-def growth_over_time(trend: Trend) -> pd.DataFrame:
-    """Growth per day that the logs up to each date told, and its interval: `date, growth, low, high`."""
-    rows = []
-    for count in range(_LEAST_DATES, len(trend.points) + 1):
-        points = trend.points.iloc[:count]
-        if points["date"].nunique() >= _LEAST_DATES:
-            known, _ = _line_through(points, None, trend.is_relative)
-            rows.append((points["date"].iloc[-1], known.line[1], *known.growth_interval))
-    return pd.DataFrame(rows, columns=["date", "growth", "low", "high"])
-
-
-def _line_through(
-    points: pd.DataFrame, limit_rad: float | None, relative: bool
-) -> tuple[Trend, bool]:
-    """The line through dated points, and whether a parabola is clearly better."""
-    delta = points["value"].to_numpy()
+    value = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
-    weight = 1 / np.maximum(deviation, 1e-3 * delta.max()) ** 2
-    since = (points["date"] - points["date"].iloc[0]).dt.total_seconds().to_numpy() / 86400
+    weight = 1 / np.maximum(deviation, 1e-3 * value.max()) ** 2
+    first = points["date"].iloc[0]
+    since = days_since(points["date"], first)
     middle = float(weight @ since / weight.sum())
     days = since - middle
     # Of the growth since the first log: equal estimates then have a slope of zero, to the last
     # digit.
-    (growth, offset), covariance = np.polyfit(
-        days, delta - delta[0], 1, w=np.sqrt(weight), cov="unscaled"
-    )
-    line = float(delta[0] + offset), float(growth)
-    chi2 = float(weight @ (delta - line[0] - line[1] * days) ** 2)
-    freedom = delta.size - 2
-    trend = Trend(
+    grown = value - value[0]
+    line, covariance = np.polyfit(days, grown, 1, w=np.sqrt(weight), cov="unscaled")
+    freedom = value.size - 2
+    chi2 = float(weight @ (grown - np.polyval(line, days)) ** 2)
+    (of_growth, shared), (_, of_value) = covariance * max(1.0, chi2 / freedom)
+    fitted = Trend(
         points=points,
-        origin=points["date"].iloc[0] + pd.Timedelta(days=middle),
-        line=line,
-        covariance=covariance[::-1, ::-1] * max(1.0, chi2 / freedom),
+        origin=first + pd.Timedelta(days=middle),
+        line=(float(value[0] + line[1]), float(line[0])),
+        variance=np.poly1d([of_growth, 2 * shared, of_value]),
         quantile=float(stdtrit(freedom, (1 + CONFIDENCE) / 2)),
         limit_rad=limit_rad,
-        warnings=(),
         is_relative=relative,
+        warnings=(),
     )
-    return trend, freedom > 2 and _is_curved(days, delta, weight, chi2)
+    if freedom > 2 and _is_curved(days, grown, weight, chi2):
+        warnings.append("the growth is no straight line: the date of the crossing may be far off")
+    return replace(fitted, warnings=(*warnings, *_notes_on_crossing(fitted)))
+
+
+def days_since(dates: pd.Series, origin: pd.Timestamp) -> FloatArray:
+    """Days from an origin to each date."""
+    return (dates - origin).dt.total_seconds().to_numpy() / 86400
 
 
 def _left_out(points: pd.DataFrame, answers: pd.DataFrame) -> list[str]:
@@ -326,15 +302,16 @@ def _left_out(points: pd.DataFrame, answers: pd.DataFrame) -> list[str]:
     return [f"{len(notes)} of {len(answers)} logs are left out", *notes] if notes else []
 
 
-def _notes_on_crossing(trend: Trend, days: FloatArray) -> Iterator[str]:
-    if trend.crossing_days:
-        when, *ends = trend.crossing_days
-        if None in ends:
-            yield "the growth is not sure: the interval of the crossing is open"
-        if when > days.max() + np.ptp(days):
-            yield "the crossing lies further ahead than the logs go back"
-    elif trend.limit_rad is not None:
+def _notes_on_crossing(trend: Trend) -> Iterator[str]:
+    if trend.limit_rad is None:
+        return
+    if trend.line[1] <= 0:
         yield "the backlash does not grow: no crossing"
+    elif not trend.alarm:
+        yield "the growth is not sure: the interval of the crossing is open"
+    dates = trend.points["date"]
+    if trend.crossing and trend.crossing - dates.max() > dates.max() - dates.min():
+        yield "the crossing lies further ahead than the logs go back"
 
 
 def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
@@ -343,49 +320,25 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
     columns = ["date", "file", f"{name}_{unit}", f"{name}_low_{unit}", f"{name}_high_{unit}"]
     used = answers[(answers[columns[2]] > 0) & answers[columns].notna().all(axis=1)]
     used = used.sort_values(["date", "file"], ignore_index=True)
+    points = used[columns].set_axis(["date", "file", "value", "low", "high"], axis=1)
+    if not relative or points.empty:
+        return points
     for name, unit in (("turn_period_s", "s a turn"), ("speed_rps", "rps")):
         values = used[name]
-        if relative and values.max() > (1 + MISMATCH) * values.min():
+        if values.max() > (1 + MISMATCH) * values.min():
             other = used["file"][(values / values.median() - 1).abs().idxmax()]
             what = f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others"
             raise Refusal(f"{what}: amplitudes are only comparable between logs of one movement")
-    points = used[columns].set_axis(["date", "file", "value", "low", "high"], axis=1)
-    if relative and len(points):
-        points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
+    points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
     return points
 
 
-def _is_curved(days: FloatArray, delta: FloatArray, weight: FloatArray, chi2: float) -> bool:
+def _is_curved(days: FloatArray, grown: FloatArray, weight: FloatArray, chi2: float) -> bool:
     """Whether a parabola is better than the line, by an F test at 5 %."""
-    scaled = days / np.abs(days).max()
-    if np.unique(scaled).size < 4:
-        return False
-    parabola = np.polyfit(scaled, delta, 2, w=np.sqrt(weight))
-    curved = float(weight @ (delta - np.polyval(parabola, scaled)) ** 2)
-    freedom = delta.size - 3
+    parabola = np.polyfit(days, grown, 2, w=np.sqrt(weight))
+    curved = float(weight @ (grown - np.polyval(parabola, days)) ** 2)
+    freedom = days.size - 3
     return (chi2 - curved) / max(curved / freedom, 1.0) > fdtri(1, freedom, 0.95)
-
-
-def _fieller_days(
-    line: tuple[float, float], covariance: FloatArray, quantile: float, limit: float
-) -> tuple[float | None, float | None]:
-    """Fieller's interval of a growing line's crossing, in days from the origin; None for an open end."""
-    (a, b), q2 = line, quantile**2
-    # The band holds the limit where square t^2 + 2 half t + constant <= 0.
-    square = b**2 - q2 * covariance[1, 1]
-    half = b * (a - limit) - q2 * covariance[0, 1]
-    constant = (a - limit) ** 2 - q2 * covariance[0, 0]
-    if square == 0 or (square < 0 and constant <= 0):
-        return None, None
-    root = np.sqrt(max(half**2 - square * constant, 0.0))
-    early, late = sorted([float((-half - root) / square), float((-half + root) / square)])
-    if square > 0:
-        return early, late
-    return (late, None) if a < limit else (None, early)
-
-
-def _date(origin: pd.Timestamp, days: float | None) -> pd.Timestamp | None:
-    return None if days is None or abs(days) > _DAYS_AHEAD else origin + pd.Timedelta(days=days)
 
 
 def _day(stamp: pd.Timestamp | None) -> str | None:

@@ -35,12 +35,6 @@ def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Rec
     return replace(record, v=record.v + noise)
 
 
-def silent(noise_rps: float = 0.1, seed: int = 1) -> Recording:
-    """A record of a constant speed and noise."""
-    noise = np.random.default_rng(seed).uniform(-noise_rps, noise_rps, 2401)
-    return Recording(2e-3 * np.arange(2401), 100 + noise, 100.0, 0.4, "silent")
-
-
 def table(recording: Recording) -> pd.DataFrame:
     frame = pd.DataFrame({"time": recording.t, "speed [rps]": recording.v})
     frame.index = frame.index + 2
@@ -76,10 +70,6 @@ def rewritten(path, change: dict[str, bytes]):
         for name, content in ({name: old.read(name) for name in old.namelist()} | change).items():
             new.writestr(name, content)
     return path
-
-
-def read(source, form=TURN) -> Recording:
-    return open_log(source, form).recording
 
 
 def opened(t, v, form=TURN, name="speed [rps]") -> Log:

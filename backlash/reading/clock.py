@@ -112,6 +112,8 @@ def _numbers_on_grid(t: FloatArray, dt: float) -> NDArray[np.int64]:
     steps = np.maximum(np.rint(np.diff(t) / dt), 1.0).astype(np.int64)
     drifting = np.concatenate(([0], np.cumsum(steps)))
     even = _numbers_in_phase(t, dt)
+    if even[-1] == t.size - 1:  # none is missing, however late its stamp is
+        return np.arange(t.size)
     is_even = bool((np.diff(even) > 0).all()) and even[-1] <= drifting[-1]
     return even if is_even else drifting
 

@@ -20,7 +20,6 @@ _POSITIVE = {
     "gear_ratio": "--gear-ratio",
     "rate_hz": "--rate",
     "ring_hz": "--ring",
-    "speed_tolerance": "--speed-tolerance",
 }
 _MOST = 1e30  # of what is measured; its square is a number, too
 
@@ -48,14 +47,12 @@ class LogFormat:
     commanded_speed_rps: float | None = None  # of the motor
     turn_period_s: float | None = None  # of the load
     trust_period: bool = False  # whether the turn is taken as it is given
-    gear_ratio: float | None = (
-        None  # motor turns in a load turn; 1 where the log has the joint's side
-    )
-    speed_tolerance: float = 0.03  # of a constant speed; backlash disturbs it by some 1 %
-    start_s: float | None = None  # of the part to use, from the log's first sample on
-    end_s: float | None = None
+    # Motor turns in a load turn; 1 where the log has the joint's side.
+    gear_ratio: float | None = None
+    start_s: float = 0.0  # of the part to use, from the log's first sample on
+    end_s: float = np.inf
     torque: str | None = None  # of the motor, in any unit
-    ring_hz: float | None = None  # of the oscillation after an impact; else the paper's joint's
+    ring_hz: float = 21.0  # of the oscillation after an impact; that of the paper's joint
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
@@ -69,11 +66,9 @@ class LogFormat:
             raise Refusal("--speed and --position: give one of them")
         if self.unit is not None and self.unit not in UNITS:
             raise Refusal(f"--unit {self.unit}: there are {', '.join(UNITS)}")
-        part = self.start_s or 0.0, np.inf if self.end_s is None else self.end_s
-        if not (all(isinstance(end, Real) for end in part) and part[0] < part[1]):
-            raise Refusal(
-                f"--from {self.start_s!r} --to {self.end_s!r}: give seconds, the end after the start"
-            )
+        if not self.start_s < self.end_s:
+            part = f"--from {self.start_s!r} --to {self.end_s!r}"
+            raise Refusal(f"{part}: give seconds, the end after the start")
 
     @property
     def expected_speed_rps(self) -> float | None:
@@ -127,16 +122,15 @@ def choose_columns(table: Table, form: LogFormat) -> Columns:
     if given:
         signal, is_position = given_column(columns, given), form.position is not None
     else:
-        rest = [column for column in filled if column not in (time, torque)]
-        if len(rest) != 1 and all(map(str.isdigit, rest)):
-            what = f"{len(rest)} columns besides the time, without names"
-            raise Refusal(f"{what}; give --time and --speed by number, and --unit")
-        signal, is_position = _signal_column(rest)
+        signal, is_position = _signal_column(
+            [name for name in filled if name not in (time, torque)]
+        )
     if signal in (time, torque) or time == torque != "":
         raise Refusal(
             f"time {time!r}, signal {signal!r} and torque {torque!r} cannot be one column"
         )
-    _refuse_other_stamps(table.frame, time, torque)
+    if time and torque:
+        _refuse_other_stamps(table.frame, time, torque)
     is_links = form.gear_ratio == 1 or bool(words_of(signal) & {*KNOWN["sides"]["link"]})
     if is_links and form.gear_ratio not in (None, 1) and not given:
         problem = f"{signal!r} is the joint's side of the gear by its name"
@@ -147,28 +141,29 @@ def choose_columns(table: Table, form: LogFormat) -> Columns:
 
 
 def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:
-    """Refuse a torque that has time stamps of its own before it, as traces of a PLC have."""
-    before = frame.columns[max(list(frame.columns).index(torque) - 1, 0)] if torque else time
-    if before in (time, torque) or not time or split_unit(before)[1] not in SECONDS:
-        return
-    if not frame[before].equals(frame[time].rename(before)):
-        what = f"torque {torque!r} has time stamps of its own in {before!r}"
-        raise Refusal(f"{what}; export speed and torque at the same instants")
+    """Refuse a torque that has time stamps of its own beside it, as traces of a PLC have."""
+    at = list(frame.columns).index(torque)
+    for other in {*frame.columns[max(at - 1, 0) : at + 2]} - {time, torque}:
+        is_time = split_unit(other)[1] in SECONDS or split_unit(other)[0] == split_unit(time)[0]
+        if is_time and not frame[other].equals(frame[time].rename(other)):
+            what = f"torque {torque!r} has time stamps of its own in {other!r}"
+            raise Refusal(f"{what}; export speed and torque at the same instants")
 
 
 def given_column(columns: Sequence[str], given: str) -> str:
-    """Find a column by its name, or by its number in the file, from 1."""
+    """Find a column by its name, with or without its unit, or by its number in the file, from 1."""
     given = str(given)
-    same = [column for column in columns if column.lower() == given.lower()]
-    if given in columns or len(same) == 1:
-        return given if given in columns else same[0]
+    for spell in (str, str.lower, lambda column: split_unit(column)[0]):
+        same = [column for column in columns if spell(column) in (given, given.lower())]
+        if len(same) == 1:
+            return same[0]
     if given.isdigit() and 1 <= int(given) <= len(columns):
         return columns[int(given) - 1]
     raise Refusal(f"no column {given!r}; there are {_listed(columns)}")
 
 
 def _listed(columns: Sequence[str]) -> str:
-    return ", ".join(map(repr, columns))[:300]
+    return ", ".join(map(repr, columns))[:300] or "none"
 
 
 def _named_as(columns: Sequence[str], what: str) -> list[str]:
@@ -180,26 +175,29 @@ def _named_as(columns: Sequence[str], what: str) -> list[str]:
     ]
 
 
-def _better(columns: list[str], is_better: Callable[[str], object]) -> list[str]:
-    """Those of the columns that are better, if there are any."""
-    return [column for column in columns if is_better(column)] or columns
+def _best(columns: list[str], rank: Callable[[str], tuple[bool, ...]]) -> list[str]:
+    """The columns of the highest rank."""
+    highest = max(map(rank, columns), default=())
+    return [column for column in columns if rank(column) == highest]
 
 
 def _signal_column(columns: Sequence[str]) -> tuple[str, bool]:
     """The measured speed, else position, of the motor's side if a name tells; and whether it is a position."""
-    if all(map(str.isdigit, columns)):
-        return columns[0], False
-    sides, no_measurement = KNOWN["sides"], {*KNOWN["no_measurement"]}
-    measured = [column for column in columns if not words_of(column) & no_measurement]
+    if columns and all(map(str.isdigit, columns)):
+        if len(columns) == 1:
+            return columns[0], False
+        what = f"{len(columns)} columns besides the time, without names"
+        raise Refusal(f"{what}; give --time and --speed by number, and --unit")
+    motor, link = ({*KNOWN["sides"][side]} for side in ("motor", "link"))
+    measured = [name for name in columns if not words_of(name) & {*KNOWN["no_measurement"]}]
     speeds = _named_as(measured, "speed")
-    either = speeds + _named_as(measured, "position")
-    either = _better(either, lambda column: words_of(column) & {*sides["motor"]})
-    either = _better(either, lambda column: not words_of(column) & {*sides["link"]})
-    either = _better(either, lambda column: column in speeds)
+    either = _best(
+        speeds + _named_as(measured, "position"),
+        lambda name: (bool(words_of(name) & motor), not words_of(name) & link, name in speeds),
+    )
     if not either:
-        raise Refusal(
-            f"no column of a measured speed or position among {_listed(columns)}; give --speed"
-        )
+        problem = f"no column of a measured speed or position among {_listed(columns)}"
+        raise Refusal(f"{problem}; give --speed")
     what = "speed" if either[0] in speeds else "position"
     if len(either) > 1:
         raise Refusal(f"which column is the motor's {what}: {_listed(either)}? give --{what}")
@@ -214,18 +212,21 @@ def _time_column(columns: Sequence[str], frame: pd.DataFrame) -> str:
     if len(named) > 1 and named[-1].lower().endswith(("nsec", "nsecs", "nanosec")):
         cure = "export it as one, in s or ns, or give --rate"
         raise Refusal(f"{named[-1]!r} is a part of a stamp in two columns; {cure}")
-    for is_better in (
-        lambda column: "header" in words_of(column),
-        lambda column: split_unit(column)[0] in KNOWN["names"]["time"],
-        lambda column: not column.startswith("__"),
-        lambda column: not words_of(column) & {*KNOWN["received"]},
-        lambda column: split_unit(column)[0] != "date",
-    ):
-        named = _better(named, is_better)
-    if len(named) > 1 and frame[named].nunique(axis=1).max() > 1:
-        raise Refusal(f"which column is the time: {_listed(named)}? give --time")
+    named = _best(
+        named,
+        lambda name: (
+            "header" in words_of(name),
+            split_unit(name)[0] in KNOWN["names"]["time"],
+            not name.startswith("__"),
+            not words_of(name) & {*KNOWN["received"]},
+            split_unit(name)[0] != "date",
+        ),
+    )
     if not named:
         raise Refusal(f"no column of time among {_listed(columns)}; give --time, or --rate")
+    stamps = frame[named].dropna()
+    if stamps.ne(stamps[named[0]], axis=0).any(axis=None):
+        raise Refusal(f"which column is the time: {_listed(named)}? give --time")
     return named[0]
 
 
@@ -247,18 +248,14 @@ def _unit_of(column: str, is_position: bool, form: LogFormat) -> str:
     """Unit of a speed or position: the name's or the one that is given, never a guess."""
     named = split_unit(column)[1]
     if named in KNOWN["spellings"] and form.unit and PER_TURN.get(named) != PER_TURN.get(form.unit):
-        raise Refusal(
-            f"column {column!r} says {named}, --unit says {form.unit}; leave --unit out, or rename"
-        )
+        problem = f"column {column!r} says {named}, --unit says {form.unit}"
+        raise Refusal(f"{problem}; leave --unit out, or rename")
     unit = form.unit or named or ("counts" if form.counts_per_turn else "")
-    if unit not in KNOWN["spellings"]:
+    if unit not in KNOWN["spellings"] or (is_position and unit == "rpm"):
         which = f"the unit {unit!r} of {column!r}" if unit else f"the unit of {column!r}"
-        those = "rps for turns, rad/s for rad" if is_position else f"one of {', '.join(UNITS)}"
+        turns = "rps for turns, rad/s for rad, or counts"
+        those = turns if is_position else f"one of {', '.join(UNITS)}"
         raise Refusal(f"{which} is not known; give --unit ({those})")
     if unit == "counts" and form.counts_per_turn is None:
         raise Refusal("counts need the encoder's counts of a motor turn; give --counts-per-turn")
-    if is_position and unit == "rpm":
-        raise Refusal(
-            "a position has no unit rpm; give --unit rps for turns, rad/s for rad, or counts"
-        )
     return unit

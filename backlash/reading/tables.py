@@ -10,14 +10,15 @@ import re
 import warnings
 import zipfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import accumulate, zip_longest
 from typing import TypeAlias
 
 import pandas as pd
 
-from backlash.reading.units import known_unit
+from backlash.reading.units import KNOWN, known_unit, words_of
 from backlash.refusals import Refusal, library
 
 MOST_BYTES = 64 * 2**20  # of a log, packed or not
@@ -28,7 +29,7 @@ _HEAD = 2**16  # characters in which the table begins
 _TAIL = 50  # rows at the head's end, which show what the others are like
 _LEAST_ROWS = 10  # of numbers, that are a table and no part of a header
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
-_NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "decimal")
+_NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "duration", "decimal")
 _SWAPPED = str.maketrans(",.", ".,")  # for decimal commas
 # Delimiters, and whether the decimal mark is a comma.
 _DIALECTS = (*((mark, swapped) for swapped in (False, True) for mark in "\t;| "), (",", False))
@@ -123,7 +124,7 @@ def decoded(content: bytes) -> str:
     encoding = "utf-8-sig"
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
-    elif b"\0" in content[:_HEAD] or content.startswith(b"%PDF"):
+    elif b"\0" in content[:_HEAD]:
         raise Refusal(
             "neither text nor .xlsx nor Parquet; export the log as CSV, or hand its columns over from Python"
         )
@@ -250,10 +251,18 @@ def _ask_about_commas(rows: Sequence[_Row]) -> None:
         raise Refusal(f"{what}; export numbers without marks of thousands")
 
 
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether cells hold units, and no names."""
+    names = {name for names in KNOWN["names"].values() for name in names if len(name) > 1}
+    units = [known_unit(cell.strip("[]()<> ")) for cell in cells]
+    named = [unit or cell.lower() not in names for unit, cell in zip(units, cells, strict=True)]
+    return any(units) and all(named)
+
+
 def _header_names(above: Sequence[Sequence[str]], used: int) -> list[str]:
     """Names of the columns that hold anything, from the rows above the numbers.
 
-    A row of units goes to the row of names above it.
+    A row of units goes to the row of names above it, and what merged cells say of motor and joint to those below them.
     """
     rows = [list(row) for row in above]
     for row in rows:
@@ -261,13 +270,17 @@ def _header_names(above: Sequence[Sequence[str]], used: int) -> list[str]:
             row.pop()
     if not rows:
         return []
-    names = rows[-1]
-    units = [unit.strip("[]()<> ") for unit in names]
-    if len(rows) > 1 and sum(bool(known_unit(unit)) for unit in units) >= len(units) / 2:
-        units += [""] * (len(rows[-2]) - len(units))
-        if len(units) == len(rows[-2]):
-            pairs = zip(rows[-2], units, strict=True)
-            names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
+    names = rows.pop()
+    if rows and len(rows[-1]) >= len(names) and _are_units(names):
+        units = [unit.strip("[]()<> ") for unit in names]
+        pairs = zip_longest(rows.pop(), units, fillvalue="")
+        names = [f"{name} [{unit}]".strip() if unit else name for name, unit in pairs]
+    telling = {*KNOWN["sides"]["motor"], *KNOWN["sides"]["link"], *KNOWN["no_measurement"]}
+    is_over_all = rows and ("" in rows[-1] or len(rows[-1]) == len(names))
+    if is_over_all and words_of(" ".join(rows[-1])) & telling:
+        merged: Iterator[str] = accumulate(rows[-1], lambda left, own: own or left)
+        pairs = zip_longest(merged, names, fillvalue=rows[-1][-1])
+        names = [f"{group} {name}".strip() for group, name in pairs]
     if len(names) == used + 1 and names[-1].lower() == "comment":  # as LabVIEW writes
         names = names[:-1]
     if len(names) != used:

@@ -13,9 +13,8 @@ PER_TURN: dict[str, float] = KNOWN["per_turn"]
 SECONDS: dict[str, float] = KNOWN["seconds"]
 _LONGEST_NAME = 200  # of a column; the rest says nothing
 _INDEX = re.compile(r"(\s*[\[(]\d+[\])]|[\s_.]\d+)$")  # of a joint, or of one name among equal ones
-_SCALE = re.compile(
-    r"%|(?:[×*/·]|(?<![a-z])x)\s*10|10\s*[\^*]"
-)  # as in "rpm/1000" and "[rpm] (x10)"
+# As in "rpm/1000", "[rpm] (x10)" and "0.1 rpm".
+_SCALE = re.compile(r"%|(?:[×*/·]|(?<![a-z])x)\s*10|10\s*[\^*]|\d[.,]\d+[\s_]*[^\s_.]+$")
 
 
 def known_unit(text: str) -> str:

@@ -193,8 +193,8 @@ print(wear)
 workbook.show_figure(
     "own_joint_trend",
     plots.trend_figure(wear),
-    "Estimates of eight dated logs of one simulated joint, the line through them, the time at which it crosses the "
-    "limit, each with its 95 % interval; below, the growth by the logs up to each date.",
+    "Estimates of eight dated logs of one simulated joint, the line through them and the time at which it crosses the "
+    "limit, each with its 95 % interval.",
 )
 
 # %% [markdown]

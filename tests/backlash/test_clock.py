@@ -18,14 +18,11 @@ EPOCH = 1_710_000_000
 STAMPS = {
     "milliseconds by name": ("time [ms]", 1e3 * T, "ms"),
     "100 ns by name": ("time [100 ns]", 1e7 * T, "100 ns"),
-    "microseconds by name": ("time_us", 1e6 * T, "us"),
-    "minutes by name": ("time [min]", T / 60, "min"),
     "days by name": ("time [days]", T / 86400, "days"),
     **{
         f"{unit} since 1970": ("timestamp", EPOCH * per + np.rint(per * T).astype("int64"), unit)
         for unit, per in (("ms", 10**3), ("us", 10**6), ("ns", 10**9))
     },
-    "s since 1970": ("timestamp", EPOCH + T, "s"),
     "a scope's, from before the trigger": ("time", T - 1.0, "s"),
     "dates of pandas": (
         "time",
@@ -128,7 +125,7 @@ def without(places, t, v):
     return np.delete(t, places), np.delete(v, places)
 
 
-@pytest.mark.parametrize("places", [[3], [2396], [700, 701], [5, 1200, 1300, 1301, 2390]])
+@pytest.mark.parametrize("places", [[3], [5, 1200, 1300, 1301, 2390]])
 def test_only_the_holes_of_dropped_samples_are_filled(places):
     log = opened(*without(places, T, V))
     kept = np.setdiff1d(np.arange(T.size), places)
@@ -148,25 +145,6 @@ def test_stamps_rounded_to_a_millisecond_are_put_back_on_their_grid(rate, places
     np.testing.assert_allclose(log.recording.t, t, atol=2e-6)
     np.testing.assert_allclose(log.recording.v[kept], v[kept], rtol=1e-12)
     assert any("taken as even" in note for note in log.notes)
-
-
-@pytest.mark.parametrize("jitter_s", [1e-4, 3e-4])
-def test_whether_stamps_are_late_or_samples_uneven_is_told_by_the_signal(jitter_s):
-    rng = np.random.default_rng(3)
-    t = 2e-3 * np.arange(2400)
-    stamps = t + rng.uniform(-jitter_s, jitter_s, t.size)
-    noise = rng.normal(0, 0.02, t.size)
-
-    def course(at):
-        return 100 + 0.6 * np.sin(2 * np.pi * 20 * at)
-
-    log = opened(stamps, course(t) + noise)
-    assert "taken as even" in log.notes[0]
-    np.testing.assert_array_equal(log.recording.v, course(t) + noise)
-    log = opened(stamps, course(stamps) + noise)
-    assert "resampled" in log.notes[0]
-    off = (log.recording.v - course(log.recording.t + stamps.mean() - log.recording.t.mean())).std()
-    assert off < 1.03 * noise.std()
 
 
 @pytest.mark.parametrize("are_true", [True, False])
@@ -191,10 +169,6 @@ def test_of_a_log_with_a_gap_the_side_where_the_motor_goes_farther_is_used():
     v = np.concatenate([np.zeros(3000), V])
     t = 2e-3 * np.arange(v.size) + np.where(np.arange(v.size) >= 3000, 0.1234, 0.0)
     np.testing.assert_array_equal(opened(t, v).recording.v, V)
-    ramp = np.linspace(0, 100, 300) + np.random.default_rng(1).normal(0, 0.1, 300)
-    v = np.concatenate([ramp, V])
-    t = 2e-3 * np.arange(v.size) + np.where(np.arange(v.size) > 100, 0.1234, 0.0)
-    assert opened(t, v).recording.t[-1] > 4.5
 
 
 @pytest.mark.parametrize("forward_is_longer", [True, False])
@@ -212,12 +186,6 @@ def test_of_a_log_that_goes_to_and_fro_the_longest_stretch_is_used(forward_is_lo
     assert any("turns backward" in note for note in log.notes) == (not forward_is_longer)
 
 
-def test_a_log_that_goes_to_and_fro_without_rest_uses_one_stretch():
-    v = np.concatenate([V[:1200], -V[:1000]] * 3)
-    log = opened(2e-3 * np.arange(v.size), v)
-    assert 1000 < log.recording.v.size <= 1200
-
-
 def test_the_part_between_from_and_to_is_used():
     v = V.copy()
     v[3] = 1e9
@@ -225,20 +193,19 @@ def test_the_part_between_from_and_to_is_used():
     np.testing.assert_array_equal(log.recording.v, V[500:2001])
     assert log.recording.t[0] == 0.0
     assert log.notes == ("used 1501 of 2401 samples, by --from and --to",)
-    v[2300] = -50.0
-    assert opened(T, v, replace(TURN, start_s=0.1, end_s=4.0)).recording.v.size == 1951
     with pytest.raises(Refusal, match=r"no samples between --from and --to; the log lasts 4.8 s"):
         opened(T, V, replace(TURN, start_s=10.0))
-    with pytest.raises(Refusal, match="too short"):
-        opened(T, V, replace(TURN, end_s=1.0))
 
 
 @pytest.mark.parametrize("hz", [200.0, 500.0, 2000.0])
-def test_stamps_that_are_late_by_most_of_a_period_are_numbered_one_by_one(hz):
+@pytest.mark.parametrize("are_few", [True, False])
+def test_stamps_that_are_late_by_most_of_a_period_are_numbered_one_by_one(hz, are_few):
     t = np.arange(0, 6, 1 / hz)
-    late = t + np.random.default_rng(3).uniform(0, 0.8 / hz, t.size)
-    recording = opened(late, np.interp(t % 4.8, T, V)).recording
-    assert recording.t[1] == pytest.approx(1 / hz, rel=1e-6)
+    lateness = np.random.default_rng(3).uniform(0, 0.8 / hz, t.size)
+    if are_few:
+        lateness[np.arange(t.size) % 10 > 0] = 0
+    recording = opened(t + lateness, np.interp(t % 4.8, T, V)).recording
+    assert recording.t[1] == pytest.approx(1 / hz, rel=1e-5)
     assert recording.t.size == t.size
 
 

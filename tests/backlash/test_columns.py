@@ -27,12 +27,14 @@ SPELLINGS = {
 ASKED = [
     *("speed", "velocity[0]", "speed (2)", "speed %", "speed [%]", "speed rpm/1000"),
     *("speed [rpm] (x10)", "speed [rpm*10]", "speed [m/s]", "speed (filtered)", "speed_m_s"),
+    *("speed in 0.01 rpm", "speed_0.1rpm"),
 ]
 # The columns beside the time, and which of them is read; none where the user is asked.
 CHOICES = [
     (["speed [rps]", "motor speed [rpm]"], "motor speed [rpm]"),
     (["position [rev]", "motor encoder [rev]"], "motor encoder [rev]"),
     (["joint velocity [rps]", "speed [rps]"], "speed [rps]"),
+    (["flange speed [rps]", "speed [rps]"], "speed [rps]"),
     (["speed [rps]", "position [rev]"], "speed [rps]"),
     (["target speed [rps]", "speed [rps]"], "speed [rps]"),
     (["speed_cmd_rps", "motor speed [rps]"], "motor speed [rps]"),
@@ -41,7 +43,7 @@ CHOICES = [
     (["dq[0]", "dq[1]"], None),
     *(
         ([f"{word} speed [rps]", "current"], None)
-        for word in ("target", "cmd", "set", "ref", "desired", "soll")
+        for word in ("target", "cmd", "set", "ref", "desired", "soll", "planned", "delta")
     ),
 ]
 
@@ -131,11 +133,18 @@ def test_the_time_of_the_sample_goes_before_that_of_its_receipt():
     assert "which column is the time: 'time', 'timestamp'? give --time" in refusal(other)
 
 
-def test_a_torque_with_stamps_of_its_own_is_refused():
+@pytest.mark.parametrize("order", [["t2 [s]", "moment"], ["moment", "t2 [s]"]])
+def test_a_torque_with_stamps_of_its_own_is_refused(order):
     trace = frame(["speed [rps]"]).assign(**{"t2 [s]": noisy().t + 1e-3, "moment": noisy().v})
-    assert "has time stamps of its own in 't2 [s]'" in refusal(
-        trace, replace(TURN, torque="moment", time="time")
-    )
+    said = refusal(trace[["time", "speed [rps]", *order]], replace(TURN, torque="moment", time="1"))
+    assert "has time stamps of its own in 't2 [s]'" in said
+
+
+def test_a_column_is_given_with_or_without_its_unit():
+    names = ["motor speed [rpm]", "motor speed [rad/s]", "current [A]"]
+    log = open_log(frame(names), replace(TURN, speed="Motor speed [rpm]", torque="current"))
+    assert "speed 'motor speed [rpm]' [rpm], torque 'current [A]'" in log.columns
+    assert "no column 'motor speed'" in refusal(frame(names), replace(TURN, speed="motor speed"))
 
 
 def test_counts_per_turn_imply_counts_where_no_unit_is_named():

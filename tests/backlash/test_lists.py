@@ -34,14 +34,6 @@ def test_each_cell_is_what_its_column_holds(rows):
     }
 
 
-def test_a_bad_cell_refuses_its_own_row(rows):
-    second = rows.to_dict("records")[1]
-    with pytest.raises(Refusal, match=r"turn_period_s is '\?', no number"):
-        options_of(second)
-    with pytest.raises(Refusal, match="trust_period is 'maybe', neither yes nor no"):
-        options_of(second | {"turn_period_s": "1"})
-
-
 def test_joints_are_escaped_as_files_are_and_a_bad_date_is_missing(rows):
     rows.loc[1, "date"] = "2024-13-45"
     keys = keys_of(rows)

@@ -59,15 +59,6 @@ def test_the_interval_of_the_crossing_holds_the_true_date_95_times_in_100():
     )  # the binomial 1 in 1000 limit at 95 %; a scatter below the intervals' is not made less
 
 
-def test_logs_that_scatter_more_than_their_intervals_say_widen_the_interval():
-    rows, dates = made(seed=1)
-    wild = rows_of(made(seed=1, sigma=1e-4)[0]["backlash_rad"])
-    usual, wider = (
-        np.ptp(trend_line.fit_trend(each, dates).growth_interval) for each in (rows, wild)
-    )
-    assert wider > usual
-
-
 def test_a_growth_that_is_not_sure_leaves_the_crossing_open():
     found = trend_line.fit_trend(*made(count=4, growth=2e-7), 1.2e-3)
     assert found.crossing is not None
@@ -124,12 +115,14 @@ def test_a_log_without_a_date_is_refused(tmp_path):
             trend_line.dates_of([tmp_path / "log_2024-03-17.csv"], table)
 
 
-def test_the_chart_shows_from_which_log_on_the_growth_was_an_alarm():
-    found = trend_line.fit_trend(*made(), 1.2e-3)
-    told = trend_line.growth_over_time(found)
-    assert told.iloc[-1][["growth", "low", "high"]].tolist() == pytest.approx(
-        [found.line[1], *found.growth_interval]
-    )
-    assert found.alarm
-    assert (told["low"] > 0).is_monotonic_increasing
-    assert len(told) == len(found.points) - 2
+def test_amplitudes_of_another_movement_are_not_compared():
+    """A log in another unit would have grown 60 times."""
+    rows, dates = made(4)
+    indices = [f"amplitude{end}_rps" for end in ("", "_low", "_high")]
+    rows[indices] = [1.0, 0.9, 1.1]
+    rows["turn_period_s"] = 0.4
+    rows["speed_rps"] = 100.0
+    assert trend_line.fit_trend(rows, dates, relative=True).line[1] == 0.0
+    rows.loc[2, "speed_rps"] = 6000.0
+    with pytest.raises(Refusal, match="100 to 6000 rps, log2 unlike the others"):
+        trend_line.fit_trend(rows, dates, relative=True)
