@@ -242,16 +242,10 @@ workbook.verdict(
     f"{1e3 * ours_rmse:.5f} mrad (RMSE), and is at most {1e3 * apart:.2g} mrad from equation 10.",
     cells,
     claims,
-)
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(
-    facts={
-        "rounding_moves_A0": (rounding_moves[0], ".2f"),
-        "largest_in_rps": (points["by A in rps"].max(), ".1e"),
+    {
+        "rounding_moves_A0": f"{rounding_moves[0]:.2f}",
+        "largest_in_rps": f"{points['by A in rps'].max():.1e}",
     },
-    cells=cells,
-    claims=claims,
 )
 
 # %% [markdown]
@@ -282,7 +276,9 @@ print(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 of_delta = np.polyfit(1e3 * delta, theoretical, 3)
-print("right" if np.isclose(np.polyval(of_delta, inverse_mrad), 0.6, atol=5e-4) else "not yet")
+workbook.check_answer(
+    inverse_mrad, lambda mrad: np.isclose(np.polyval(of_delta, mrad), 0.6, atol=5e-4)
+)
 
 # %% [markdown]
 # **2.** The printed coefficients have four decimals. By how much can the rounding of the first one,
@@ -299,7 +295,7 @@ moved = (
     polynomial(60 * theoretical[-1], [*printed[:3], printed[3] + 0.5e-10])
     - points["by A in rpm"][9]
 )
-print("right" if np.isclose(rounding_mrad, 1e3 * moved, rtol=0.1) else "not yet")
+workbook.check_answer(rounding_mrad, 1e3 * moved, rtol=0.1)
 
 # %% [markdown]
 # **3.** Which $A$ (`limit_rps`) does a sensor read when the backlash has reached 2 mrad? Invert
@@ -310,7 +306,7 @@ limit_rps = brentq(lambda A: polynomial(60 * A, printed) - 2e-3, 0, theoretical[
 print(f"{limit_rps:.3f} rps; the smallest slope is {1e3 * slope:.2g} mrad per rps")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(polynomial(60 * limit_rps, printed), 2e-3, rtol=2e-3) else "not yet")
+workbook.check_answer(limit_rps, lambda A: np.isclose(polynomial(60 * A, printed), 2e-3, rtol=2e-3))
 
 # %% [markdown]
 # **What you have learnt**: a formula without units can be tested on its own points, and a printed

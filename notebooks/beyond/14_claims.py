@@ -359,9 +359,6 @@ workbook.verdict(
     claims=claims,
 )
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(claims=claims)
-
 # %% [markdown]
 # ## Try changing
 #
@@ -389,8 +386,13 @@ noises_needed = repeats[0.73 * factor < 1][0]
 print(f"{noises_needed}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-fewer, enough = (stats.f.ppf(0.975, n, n) for n in (noises_needed - 1, noises_needed))
-print("right" if 0.73 * np.sqrt(enough) < 1 <= 0.73 * np.sqrt(fewer) else "not yet")
+
+
+def is_told(n):
+    return 0.73 * np.sqrt(stats.f.ppf(0.975, n, n)) < 1
+
+
+workbook.check_answer(noises_needed, lambda n: is_told(n) and not is_told(n - 1))
 
 # %% [markdown]
 # **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records
@@ -402,7 +404,7 @@ records_needed = int(np.ceil(np.log(0.025) / np.log(0.95)))
 print(f"{records_needed}: 0.95^{records_needed} = {0.95**records_needed:.4f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if 0.95**records_needed <= 0.025 < 0.95 ** (records_needed - 1) else "not yet")
+workbook.check_answer(records_needed, lambda n: 0.95**n <= 0.025 < 0.95 ** (n - 1))
 
 # %% [markdown]
 # **3.** A position of $b$ bits, differenced over 2 ms, gives a speed in steps of
@@ -418,7 +420,7 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if 2.0**-bits_needed < 0.0009 * 0.002 < 2.0 ** (1 - bits_needed) else "not yet")
+workbook.check_answer(bits_needed, lambda b: 2.0**-b < 0.0009 * 0.002 < 2.0 ** (1 - b))
 
 # %% [markdown]
 # **What you have learnt**: a sentence becomes a claim by a check, a limit, and an answer that would

@@ -63,7 +63,7 @@ def test_with_thirty_members_the_records_that_no_run_solves_are_counted(run_note
         ),
         ("07", {"optimiser": max}, "optimiser = 'max'"),
         ("09", {"measure_mrad": 0.5}, "measure_mrad = 0.5"),
-        ("08", {"public": [6]}, "public = [6]"),
+        ("08", {"public": [6]}, "public[0] = 6"),
         ("08", {"runs_each": 1}, "runs_each = 1"),
     ],
 )

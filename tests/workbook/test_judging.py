@@ -27,7 +27,7 @@ BOUNDS = {"text.error_limit_percent", "text.error_rad_small", "text.error_rad_la
 
 
 def judged(cell, numbers):
-    return judging.judge_rows(pd.DataFrame(cell_rows({cell: numbers})).assign(notebook="")).iloc[0]
+    return judging.judge_number(**cell_rows({cell: numbers})[0])
 
 
 def agreement(cell, numbers):
@@ -113,7 +113,7 @@ def test_a_number_that_two_notebooks_export_is_refused(tmp_path):
 
 
 def test_a_claim_that_no_notebook_decides_is_undecided_and_says_why(tmp_path):
-    claims = judging.decided_claims(tmp_path).set_index("id")
+    claims = judging.claims(tmp_path).set_index("id")
     assert claims.loc["full_robot", "verdict"] == "undecided"
     assert "never published" in claims.loc["full_robot", "measured"]
 

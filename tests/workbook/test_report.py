@@ -16,7 +16,7 @@ PROSE = TEXT.partition("## All numbers")[0]
 
 @pytest.fixture(scope="module")
 def facts():
-    return report.describe(RESULTS)
+    return report.describe(judging.verdicts(RESULTS), judging.claims(RESULTS), RESULTS)
 
 
 def render(facts, **changed):
@@ -73,7 +73,7 @@ def test_the_sentence_on_sds_follows_their_joint_p(facts):
 
 
 def test_the_sentence_on_hardware_follows_the_answers(facts):
-    some = {"logs": 20, "refused": 15, "with_reason": 9, "reason": "wrong period"}
+    some = {"logs": 20, "refused": 15, "reasons": [("wrong period", 9)]}
     said = render(facts, hardware=some)
     assert (
         'of 20 public logs of other joints our sensor refuses 15, 9 of them for "wrong period"'
