@@ -1,5 +1,6 @@
 """Execution of one notebook in a fresh kernel; what it makes is put in place only if it ended well."""
 
+import atexit
 import os
 import shutil
 import subprocess
@@ -132,7 +133,7 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
-    notebook.metadata = nbformat.from_dict({"kernelspec": KERNEL})
+    notebook.metadata = {"kernelspec": KERNEL}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
     with TemporaryDirectory(dir=project / ".make", prefix=f"{source.stem}.") as staging:
@@ -159,15 +160,19 @@ def execute(notebook: NotebookNode, source: Path) -> None:
         resources={"metadata": {"path": str(source.parent)}},
     )
     client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
+    partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
+    log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
     try:
-        client.execute()
+        with log.open("wb") as file:
+            client.execute(stderr=file)
+        log.unlink()
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
-        why, _, _ = str(error).partition("\n")
+        atexit.unregister(client._cleanup_kernel)  # of a kernel that never was
+        why = " ".join([str(error).partition("\n")[0], *log.read_text().splitlines()[-1:]])
         if isinstance(error, CellExecutionError):
             if error.ename == "DataUnavailable":
                 raise DataUnavailable(error.evalue) from error
             why = f"{error.ename}: {error.evalue}".partition("\n")[0]
-        partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
         write_text(partial, nbformat.writes(notebook))
         raise NotebookFailed(
             f"{source.name}, code cell {client.code_cells_executed}: {why}; "

@@ -39,15 +39,9 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
 
 
 def ask_for_answer(cell: nbformat.NotebookNode) -> None:
-    """Leave of a solution the comment that it begins with, and of the check of an answer no output."""
+    """Leave nothing of a solution, and of the check of an answer no output."""
     tags = cell.metadata.get("tags", [])
     if "solution" in tags:
-        comments = []
-        for line in cell.source.splitlines():
-            if not line.startswith("#"):
-                break
-            comments.append(line)
-        cell.source = "\n".join([*(comments or ["# Your answer:"]), "..."])
-        cell.metadata = nbformat.from_dict({"tags": ["answer"]})
+        cell.source, cell.metadata = "# Your answer:\n...", {}
     if {"solution", "check"}.intersection(tags):
         cell.outputs, cell.execution_count = [], None
