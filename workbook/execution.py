@@ -1,6 +1,7 @@
 """Execution of one notebook in a fresh kernel; what it makes is put in place only if it ended well."""
 
 import atexit
+import hashlib
 import os
 import shutil
 import subprocess
@@ -25,6 +26,7 @@ from replication.records import ROOT, DataUnavailable, UserError, write_text
 CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
 SIMULATED = """**On our simulated records in place of the authors', whose files could not be had. The \
 committed results, from the authors' data, are untouched; `make data` fetches them.**"""
 
@@ -80,19 +82,23 @@ def find_project(source: Path) -> Path:
 
 
 def refuse_edited(source: Path) -> None:
-    """Refuse to overwrite an `.ipynb` whose cells were edited after its source."""
+    """Refuse to overwrite an `.ipynb` whose cells are neither those that it was executed with nor the source's."""
     executed = source.with_suffix(".ipynb")
-    if not executed.exists() or executed.stat().st_mtime_ns < source.stat().st_mtime_ns:
+    if not executed.exists():
         return
-    here, there = (
-        [(cell.cell_type, cell.source.rstrip()) for cell in jupytext.read(file).cells]
-        for file in (source, executed)
-    )
-    if here != there:
+    notebook = jupytext.read(executed)
+    there = cells_sha256(notebook)
+    if there not in (notebook.metadata.get(HASH, there), cells_sha256(jupytext.read(source))):
         raise UserError(
-            f"{executed}: edited after {source.name}, and left as it is; take the edits over by "
-            f"jupytext --sync {source}, or delete it"
+            f"{executed}: edited, and left as it is; take the edits over by jupytext --sync {source}, "
+            "or delete it"
         )
+
+
+def cells_sha256(notebook: NotebookNode) -> str:
+    """SHA-256 of the cells' types and sources."""
+    cells = [(cell.cell_type, cell.source.rstrip()) for cell in notebook.cells]
+    return hashlib.sha256(repr(cells).encode()).hexdigest()
 
 
 def kernel_environment(project: Path) -> dict[str, str]:
@@ -133,7 +139,7 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
-    notebook.metadata = {"kernelspec": KERNEL}
+    notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
     with TemporaryDirectory(dir=project / ".make", prefix=f"{source.stem}.") as staging:

@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 
-import jupytext
 import nbformat
 import psutil
 import pytest
@@ -111,19 +110,44 @@ def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
     assert not (folder / ".make" / "small.ran").exists()
 
 
-def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
-    folder = project(small=GOOD)
-    notebook = jupytext.read(small(folder))
-    nbformat.write(notebook, folder / LEFT[0])
-    execution.refuse_edited(small(folder))
-    notebook.cells[0].source = "repeats = 31"
-    nbformat.write(notebook, folder / LEFT[0])
-    edited = made_in(folder)
-    with pytest.raises(UserError, match=r"edited after small\.py, and left as it is"):
+def test_a_full_disk_is_said_in_one_line(project, monkeypatch):
+    def write(*_):
+        raise OSError(28, "No space left on device")
+
+    folder = project(small="# %%\n1\n")
+    monkeypatch.setattr(nbformat, "write", write)
+    with pytest.raises(execution.NotebookFailed, match=r"^small\.py: .* No space left .*\.make$"):
         execution.run(small(folder))
-    assert made_in(folder) == edited
-    later = (folder / LEFT[0]).stat().st_mtime_ns + 10**9
-    os.utime(small(folder), ns=(later, later))  # now the source is the newer one
+    assert made_in(folder) == {}
+
+
+def test_a_kernel_that_cannot_start_is_said_in_one_line(project, capfd):
+    folder = project(small="# %%\n1\n")
+    profile = folder / ".make" / "settings" / "IPYTHONDIR" / "profile_default"
+    profile.parent.mkdir(parents=True)
+    profile.touch()  # which is a folder's place
+    with pytest.raises(execution.NotebookFailed, match=r"Kernel died .*profile_default") as failed:
+        execution.run(small(folder))
+    assert "\n" not in str(failed.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
+    folder = project(small="# %%\nrepeats = 30\n")
+    execution.run(small(folder))
+    small(folder).write_text("# %%\nrepeats = 31\n", "utf-8")
+    execution.run(small(folder))  # a change of the source alone is none of the executed notebook
+    executed = folder / LEFT[0]
+    notebook = nbformat.read(executed, as_version=4)
+    notebook.cells[0].source = "repeats = 32"
+    nbformat.write(notebook, executed)
+    edited = made_in(folder)
+    for clock in (0, 2**31):  # whatever file seems to be the newer one
+        os.utime(executed, (clock, clock))
+        with pytest.raises(UserError, match=r"small\.ipynb: edited, and left as it is"):
+            execution.run(small(folder))
+        assert made_in(folder) == edited
+    small(folder).write_text("# %%\nrepeats = 32\n", "utf-8")  # taken over
     execution.refuse_edited(small(folder))
 
 
