@@ -6,6 +6,9 @@ RUN := $(PY) -m workbook
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
+# For a recipe: the make that was started first lives, and is no zombie (where there is a /proc).
+MAKE_LIVES := kill -0 $${MAKE_PID:-$$PPID} && ! grep -qs ') Z ' /proc/$${MAKE_PID:-$$PPID}/stat
+
 PIP := $(PY) -I -m pip install --quiet --no-user --require-hashes
 # uv takes seconds, and only what is asked for; where it can't be had, pip installs the whole lock.
 UV := PATH="$$PATH:.venv/bin" uv pip install --quiet --python $(PY) --require-hashes --constraint requirements.lock
@@ -27,7 +30,7 @@ help:  ## list the targets
 # nothing that computes.
 all: writable .venv/.installed  ## every notebook, figure, table and verdict, and the report
 	@export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
-	kill -0 $$MAKE_PID && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
+	$(MAKE_LIVES) && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
 	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
@@ -114,9 +117,9 @@ writable:
 PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
 BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
-	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
+	@$(MAKE_LIVES) && $(RUN) run $<
 .make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
-	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
+	@$(MAKE_LIVES) && $(RUN) run $<
 
 NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
 ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)

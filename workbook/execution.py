@@ -204,11 +204,13 @@ def _kill_with_this_process(client: NotebookClient) -> None:
 
 
 def end_with(process: int) -> None:
-    """End this process when another, make, has ended without waiting for it."""
+    """End this process when another, make, has ended without waiting for it, even if nobody has waited for make."""
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
-            psutil.Process(process).wait()
+            make = psutil.Process(process)
+            while make.is_running() and make.status() != psutil.STATUS_ZOMBIE:
+                time.sleep(0.5)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -218,10 +218,10 @@ def test_a_killed_make_leaves_no_process_and_no_half_file_and_the_next_one_goes_
     wait_until(lambda: pids.exists() and len(pids.read_text().split()) == 3, 100)
     wait_until((folder / ".make" / "small.ran").exists, 100)
     started = [process.pid for process in psutil.Process(make.pid).children(recursive=True)]
-    make.kill()
-    make.wait()
+    make.kill()  # and nobody waits for it
     everything = {*started, *map(int, pids.read_text().split())}
     wait_until(lambda: not everything.intersection(psutil.pids()), 10)
+    make.wait()
     assert [name for name in LEFT if name in made_in(folder)] == LEFT
     assert not (folder / "notebooks" / "long.ipynb").exists()
     (folder / "notebooks" / "long.py").write_text("# %%\nprint(1)\n", "utf-8")
