@@ -45,11 +45,11 @@ runs = 25  # of the search
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, workbook.Interval(0, 2.1)),
-    friction_share=(friction_share, workbook.Interval(0, 0.5)),
+    backlash_mrad=(backlash_mrad, (0, 2.1)),
+    friction_share=(friction_share, (0, 0.5)),
     sample_ms=(sample_ms, (1.0, 2.0, 4.0, 5.0)),
-    turn_period_s=(turn_period_s, workbook.Interval(0.3, 0.5)),
-    noise_rps=(noise_rps, workbook.Interval(0, 0.5)),
+    turn_period_s=(turn_period_s, (0.3, 0.5)),
+    noise_rps=(noise_rps, (0, 0.5)),
     seed=(seed, range(1, 1_000_001)),
     population=(population, range(10, 1001)),
     runs=(runs, range(1, 101)),

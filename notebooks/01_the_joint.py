@@ -73,9 +73,9 @@ changes = {}  # factors on ratios of the joint, such as {"K_s/J_l": 0.5}
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = identified_joint()
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 2.1)),
-    friction_share=(friction_share, workbook.Interval(0, 0.2)),
-    changes=(changes, dict.fromkeys(ratios(identified), workbook.Interval(0, 10))),
+    backlash_mrad=(backlash_mrad, (0.1, 2.1)),
+    friction_share=(friction_share, (0, 0.2)),
+    changes=(changes, dict.fromkeys(ratios(identified), (0, 10))),
 )
 
 # %% [markdown]

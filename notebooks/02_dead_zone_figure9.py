@@ -46,9 +46,9 @@ alphas = [1e3, 1e4, 1e5, 1e6]  # sharpness of the edge, 1/rad
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, workbook.Interval(1e-3, 100)),
-    stiffness_factor=(stiffness_factor, workbook.Interval(1e-3, 1e3)),
-    alphas=(alphas, [workbook.Interval(1, 1e12)]),
+    backlash_mrad=(backlash_mrad, (1e-3, 100)),
+    stiffness_factor=(stiffness_factor, (1e-3, 1e3)),
+    alphas=(alphas, [(1, 1e12)]),
 )
 delta = 1e-3 * backlash_mrad
 K_s = stiffness_factor * identified_joint().K_s

@@ -53,16 +53,15 @@ start_factor = 1.3  # the fit starts with three ratios at so many times the comm
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 committed = identified_joint()
-names = [*ratios(committed), *numbers_of(committed)]
+allowed = dict.fromkeys([*ratios(committed), *numbers_of(committed)], (0, 100))
+allowed |= {"N": (0.25, 4), "Omega": (0.25, 4)}  # they make the turn's length
 workbook.check_parameters(
     level=(level, CLEAN_LEVELS),
-    friction_share=(friction_share, workbook.Interval(0, 0.5)),
-    changes=(changes, dict.fromkeys(names, workbook.Interval(0, 100))),
-    alphas=(alphas, [workbook.Interval(1e3, 1e12)]),
-    start_factor=(start_factor, workbook.Interval(0.75, 1.6)),
+    friction_share=(friction_share, (0, 0.5)),
+    changes=(changes, allowed),
+    alphas=(alphas, [(1e3, 1e12)]),
+    start_factor=(start_factor, (0.75, 1.6)),
 )
-for name in {"N", "Omega"} & set(changes):  # they make the turn's length
-    workbook.check_parameters(**{f"changes[{name!r}]": (changes[name], workbook.Interval(0.25, 4))})
 
 # %% [markdown]
 # ## Result

@@ -67,16 +67,15 @@ changes = {}  # factors for the joint's ratios or physical quantities, as in not
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = identified_joint()
-names = [*ratios(identified), *numbers_of(identified)]
+allowed = dict.fromkeys([*ratios(identified), *numbers_of(identified)], (0, 100))
+allowed |= {"N": (0.25, 4), "Omega": (0.25, 4)}  # they make the turn's length
 workbook.check_parameters(
     speed_level=(speed_level, NOISY_LEVELS),
-    noise_rps=(noise_rps, workbook.Interval(0, 10)),
+    noise_rps=(noise_rps, (0, 10)),
     noise_seed=(noise_seed, range(0, 2**31)),
-    commanded_speed_rps=(commanded_speed_rps, workbook.Interval(10, 300)),
-    changes=(changes, dict.fromkeys(names, workbook.Interval(0, 100))),
+    commanded_speed_rps=(commanded_speed_rps, (10, 300)),
+    changes=(changes, allowed),
 )
-for name in {"N", "Omega"} & set(changes):  # they make the turn's length
-    workbook.check_parameters(**{f"changes[{name!r}]": (changes[name], workbook.Interval(0.25, 4))})
 
 # %% [markdown]
 # ## Result

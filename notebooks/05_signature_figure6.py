@@ -99,7 +99,7 @@ workbook.check_parameters(
     run=(run, range(1, 31)),
     turns=(turns, range(1, 13)),
     cost=(cost, ("RMSE", "L1", callable)),
-    more_bounds=(more_bounds, {key: [workbook.Interval(-np.inf)] for key in your_names}),
+    more_bounds=(more_bounds, {key: [(-np.inf, np.inf)] for key in your_names}),
     seeds=(seeds, range(2, 31)),
 )
 

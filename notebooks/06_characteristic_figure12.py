@@ -52,11 +52,11 @@ criteria = {}  # limits to try in place of those of claims.csv, such as {"error_
 identified = joint.identified_joint()
 decided = ("error_rad_small", "error_rad_large", "monotone", "encoder_step")
 workbook.check_parameters(
-    rpm_per_rps=(rpm_per_rps, workbook.Interval(1e-3, 1e4)),
+    rpm_per_rps=(rpm_per_rps, (1e-3, 1e4)),
     left_out=(left_out, [range(1, 11), []]),
-    changes=(changes, dict.fromkeys(joint.ratios(identified), workbook.Interval(0.5, 2))),
+    changes=(changes, dict.fromkeys(joint.ratios(identified), (0.5, 2))),
     degree=(degree, range(1, 7)),
-    criteria=(criteria, dict.fromkeys(decided, workbook.Interval(-1e3, 1e3))),
+    criteria=(criteria, dict.fromkeys(decided, (-1e3, 1e3))),
 )
 workbook.check_parameters(**{"rows in left_out": (len(set(left_out)), range(6))})
 

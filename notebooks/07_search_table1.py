@@ -46,7 +46,7 @@ workbook.check_parameters(
     population=(population, range(4, 5001)),
     iterations=(iterations, range(1, 2001)),
     seeds=(seeds, [range(1, 2**31)]),
-    box=(box, {name: [workbook.Interval(-1e4, 1e4)] for name in Parameters._fields}),
+    box=(box, {name: [(-1e4, 1e4)] for name in Parameters._fields}),
     optimiser=(optimiser, ("CMA-ES", "differential evolution", callable)),
 )
 with workbook.explain("box", box):

@@ -49,10 +49,7 @@ workbook.check_parameters(
     runs_each=(runs_each, range(2, 1001)),
     population=(population, range(4, 5001)),
     shown_row=(shown_row, range(1, 11)),
-    criteria=(
-        criteria,
-        {name: workbook.Interval(0, 100) for name in ("error_below_10", "local_minima")},
-    ),
+    criteria=(criteria, dict.fromkeys(("error_below_10", "local_minima"), (0, 100))),
 )
 
 # %% [markdown]

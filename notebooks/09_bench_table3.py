@@ -77,9 +77,9 @@ measure_mrad = 0.1  # step to which the hand's measure of the backlash is rounde
 workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     bench_seed=(bench_seed, range(0, 10**6)),
-    spread=(spread, dict.fromkeys(asdict(bench.Spread()), workbook.Interval(0, 1))),
+    spread=(spread, dict.fromkeys(asdict(bench.Spread()), (0, 1))),
     benches=(benches, range(2, 1001)),
-    measure_mrad=(measure_mrad, workbook.Interval(1e-3, 0.1)),
+    measure_mrad=(measure_mrad, (1e-3, 0.1)),
 )
 
 # %% [markdown]

@@ -46,8 +46,8 @@ workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     robots_each=(robots_each, range(2, 10001)),
     robot_seed=(robot_seed, range(0, 10**6)),
-    couplings=(couplings, [workbook.Interval(0, 1)]),
-    torque_shares=(torque_shares, [workbook.Interval(1e-4, 1)]),
+    couplings=(couplings, [(0, 1)]),
+    torque_shares=(torque_shares, [(1e-4, 1)]),
 )
 
 # %% [markdown]

@@ -6,12 +6,11 @@ from replication.records import ROOT
 from workbook.animation import flipbook
 from workbook.judging import judge, verdict
 from workbook.outcomes import show_figure
-from workbook.parameters import Interval, ParameterError, check_answer, check_parameters, explain
+from workbook.parameters import ParameterError, check_answer, check_parameters, explain
 
 # What notebooks call.
 __all__ = [
     "ROOT",
-    "Interval",
     "ParameterError",
     "check_answer",
     "check_parameters",

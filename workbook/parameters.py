@@ -1,9 +1,7 @@
 """What a student may change: a notebook's parameters, and the answers to its exercises."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
@@ -16,22 +14,6 @@ class ParameterError(UserError, ValueError):
     """A value that a parameter may not have."""
 
 
-@dataclass(frozen=True)
-class Interval:
-    """Numbers from `low` to `high`."""
-
-    low: float
-    high: float = math.inf
-
-    def __contains__(self, value: Any) -> bool:
-        return _is_number(value) and self.low <= value <= self.high
-
-    def __str__(self) -> str:
-        return f"a number from {self.low:g}" + (
-            f" to {self.high:g}" if self.high < math.inf else ""
-        )
-
-
 def _is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
@@ -42,8 +24,8 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
     Parameters
     ----------
     **parameters : (value, allowed)
-        A parameter's value, and what it may be: an `Interval` of numbers, a `range` of whole numbers,
-        a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
+        A parameter's value, and what it may be: `(low, high)` for numbers between two ends, a `range`
+        of whole numbers, a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
         with an item or more, `[allowed, []]` for one that may be empty, `{name: allowed}` for a
         mapping with some of these names.
 
@@ -63,7 +45,6 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
 
 
 def _check(name: str, value: Any, allowed: Any) -> None:
-    words = str(allowed)
     match allowed:
         case list():
             words = "a list" if len(allowed) > 1 else "a list with an item or more"
@@ -79,13 +60,14 @@ def _check(name: str, value: Any, allowed: Any) -> None:
         case range():
             words = f"a whole number from {allowed[0]} to {allowed[-1]}"
             is_allowed = isinstance(value, Integral) and _is_number(value) and value in allowed
-        case tuple():
+        case (low, high) if _is_number(low):
+            words = f"a number from {low:g} to {high:g}"
+            is_allowed = _is_number(value) and low <= value <= high
+        case _:
             words = "one of " + ", ".join(
                 "a function" if each is callable else repr(each) for each in allowed
             )
             is_allowed = value in allowed or (callable in allowed and callable(value))
-        case _:
-            is_allowed = value in allowed
     if not is_allowed:
         raise ParameterError(f"{name} = {value!r}: it should be {words}")
 

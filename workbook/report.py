@@ -60,11 +60,10 @@ def span(numbers: Any, form: str) -> str:
 
 def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval, why` it differs."""
-    about = published.cells()[["element", "row", "column", "unit"]]
-    table = verdicts.fillna({"resolution": "", "notebook": ""}).join(about, on="id")
+    about = published.cells()[["element", "row", "column", "known_difference"]]
+    table = verdicts.join(about, on="id")
     table["name"] = [_name(*row) for row in table[["element", "row", "column"]].to_numpy()]
-    known = published.cells().loc[table["id"], "known_difference"].to_numpy()
-    table["why"] = np.where(known == "", "no explanation known", known)
+    table["why"] = table["known_difference"].replace("", "no explanation known")
     table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
     table["interval"] = [_interval(row) for row in table.itertuples()]
     return table

@@ -70,7 +70,6 @@ import backlash
 import workbook
 from backlash import plots
 from replication import bench, joint
-from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -93,12 +92,12 @@ workbook.check_parameters(
     my_log=(my_log, (my_log,)),  # reading it says what is wrong with it
     my_settings=(my_settings, (my_settings,)),
     bench_seed=(bench_seed, range(0, 10**6)),
-    backlash_mrad=(backlash_mrad, Interval(0, 5)),
-    friction_share=(friction_share, Interval(0, 2)),
-    gravity_given=(gravity_given, Interval(0.1, 10)),
+    backlash_mrad=(backlash_mrad, (0, 5)),
+    friction_share=(friction_share, (0, 2)),
+    gravity_given=(gravity_given, (0.1, 10)),
     calibration_levels=(calibration_levels, range(6, 101)),
     log_turns=(log_turns, range(4, 41)),
-    limit_mrad=(limit_mrad, Interval(0.01, 10)),
+    limit_mrad=(limit_mrad, (0.01, 10)),
 )
 
 # %% [markdown]

@@ -46,8 +46,8 @@ realisations = [1, 2]  # of the noise
 workbook.check_parameters(
     bench_seed=(bench_seed, range(0, 2**31)),
     benches=(benches, range(1, 1001)),
-    backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 5)),
-    gain_factor=(gain_factor, workbook.Interval(0.3, 2)),
+    backlash_mrad=(backlash_mrad, (0.1, 5)),
+    gain_factor=(gain_factor, (0.3, 2)),
     levels=(levels, [range(2, 12)]),
     realisations=(realisations, [range(1, 6)]),
 )

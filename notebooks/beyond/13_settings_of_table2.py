@@ -50,7 +50,7 @@ criteria = {}  # a limit to try instead of that of claims.csv, such as {"random_
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    most=(most, range(2, 1001)), criteria=(criteria, {"random_start": workbook.Interval(0, 1)})
+    most=(most, range(2, 1001)), criteria=(criteria, {"random_start": (0, 1)})
 )
 
 # %% [markdown]

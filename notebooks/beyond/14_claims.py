@@ -35,7 +35,6 @@ from replication.records import (
 )
 from studies import claims as studies
 from studies import edge, optimizers
-from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -60,9 +59,9 @@ workbook.check_parameters(
     turns=(turns, [range(1, 25)]),
     mountings=(mountings, range(1, 1001)),
     bits=(bits, [range(8, 33)]),
-    frictions=(frictions, [Interval(1e-4, 0.9)]),
-    steps_s=(steps_s, [Interval(1e-6, 5e-4)]),
-    criteria=(criteria, dict.fromkeys(published.table("claims").index, Interval(0))),
+    frictions=(frictions, [(1e-4, 0.9)]),
+    steps_s=(steps_s, [(1e-6, 5e-4)]),
+    criteria=(criteria, dict.fromkeys(published.table("claims").index, (0, np.inf))),
 )
 workbook.check_parameters(**{"different turns": (len(set(turns)), range(2, 25))})
 

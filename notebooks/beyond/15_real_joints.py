@@ -55,8 +55,7 @@ known_gravity = 1.0  # factor on the gravity that the sensor is given
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 logs = hardware.list_logs()
 workbook.check_parameters(
-    makes=(makes, [tuple(logs["make"].unique())]),
-    known_gravity=(known_gravity, workbook.Interval(0.01, 100)),
+    makes=(makes, [tuple(logs["make"].unique())]), known_gravity=(known_gravity, (0.01, 100))
 )
 
 # %% [markdown]
