@@ -9,6 +9,10 @@ PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist workste
 # For a recipe: the make that was started first lives, and is no zombie (where there is a /proc).
 MAKE_LIVES := kill -0 $${MAKE_PID:-$$PPID} && ! grep -qs ') Z ' /proc/$${MAKE_PID:-$$PPID}/stat
 
+# After a command: it ends when make does.
+WHILE_MAKE_LIVES = & job=$$!; while $(MAKE_LIVES) && kill -0 $$job; do sleep 1; done 2> /dev/null; \
+	$(MAKE_LIVES) || kill $$job; wait $$job
+
 PIP := $(PY) -I -m pip install --quiet --no-user --require-hashes
 # uv takes seconds, and only what is asked for; where it can't be had, pip installs the whole lock.
 UV := PATH="$$PATH:.venv/bin" uv pip install --quiet --python $(PY) --require-hashes --constraint requirements.lock
@@ -103,13 +107,15 @@ writable:
 	$(PY) -I -c 'import pathlib, sysconfig; pathlib.Path(sysconfig.get_path("purelib"), "checkout.pth").write_text("../../../..\n")'
 	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > .venv/uv.lock
 	sed '/^uv==/,/[^\\]$$/d' requirements.lock > .venv/all.lock
-	command -v uv > .venv/uv.path || $(PIP) --requirement .venv/uv.lock || true
-	$(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook || $(PIP) --requirement .venv/all.lock
+	@echo 'The locked versions are being installed into .venv'
+	@command -v uv > .venv/uv.path || { $(PIP) --requirement .venv/uv.lock $(WHILE_MAKE_LIVES); } || true
+	@{ $(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook $(WHILE_MAKE_LIVES); } || \
+	  { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
 	touch $@
 
 # What a target needs besides: a group of pyproject.toml.
 .venv/.%: .venv/.installed
-	$(UV) --group $* || $(PIP) --requirement .venv/all.lock
+	@{ $(UV) --group $* $(WHILE_MAKE_LIVES); } || { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
 	touch $@
 
 # A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its

@@ -138,11 +138,9 @@ def claims(results: Path) -> pd.DataFrame:
 
     Of a claim that no notebook can decide, `claims.csv` says why: it is undecided.
     """
-    table = published.table("claims").rename(columns={"untested": "measured"})
-    table["measured"] = table["measured"].replace("", "no notebook decided it")
-    table = table[["claim", "section"]].assign(
-        verdict=CLAIM_VERDICTS[None], measured=table["measured"], notebook=""
-    )
+    untested = published.table("claims")["untested"].replace("", "no notebook decided it")
+    table = published.table("claims")[["claim", "section"]]
+    table = table.assign(verdict=CLAIM_VERDICTS[None], measured=untested, notebook="")
     for name, outcome in load_outcomes(results).items():
         for row in outcome["claims"]:
             decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]

@@ -67,18 +67,16 @@ def source_of(cell: str) -> str:
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
     """Our numbers by cell id as rows `id, source, numbers`, with the six digits that results have."""
-    rows = []
-    for cell, numbers in cells.items():
-        if isinstance(numbers, Mapping):
-            rounded: Numbers = {name: [*map(_round, each)] for name, each in numbers.items()}
-        else:
-            rounded = _round(numbers)
-        rows.append({"id": cell, "source": source_of(cell), "numbers": rounded})
-    return rows
+    return [
+        {"id": cell, "source": source_of(cell), "numbers": _round(numbers)}
+        for cell, numbers in cells.items()
+    ]
 
 
-def _round(number: float) -> float:
-    return float(FLOAT_FORMAT % number)
+def _round(numbers: Any) -> Any:
+    if isinstance(numbers, Mapping):
+        return {name: [*map(_round, each)] for name, each in numbers.items()}
+    return float(FLOAT_FORMAT % numbers)
 
 
 def claim_rows(claims: Claims) -> list[dict[str, Any]]:
