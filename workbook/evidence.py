@@ -88,8 +88,8 @@ def bias_p(means: Floats, printed: Floats) -> float:
     return min(1.0, 2 * (1 + int(tail)) / (1 + DRAWS))
 
 
-def weigh(realisations: pd.DataFrame) -> dict[str, float]:
-    """Weigh the printed table against realisations: p of the means, of the SDs, of the bias, and our bias [%]."""
+def p_values(realisations: pd.DataFrame) -> dict[str, float]:
+    """p of the printed table among realisations: of the means, of the SDs, of the bias; and our bias [%]."""
     ours, printed = tables(realisations), printed_table()
     return {
         "p_means": joint_p(mean_scores(np.hstack([printed.means, ours.means]))),
@@ -103,16 +103,16 @@ def table2_evidence(realisations: pd.DataFrame) -> dict[str, Any]:
     """What the report says of Table 2 as a whole: with the whole record, and with a drawn start."""
     drawn = starts_drawn(realisations)
     whole = realisations[~drawn]
-    alone = [weigh(part) for _, part in whole.groupby("protocol")]
+    alone = [p_values(part) for _, part in whole.groupby("protocol")]
     late = [part for _, part in realisations[drawn].groupby("protocol")]
     late_means = [np.median(tables(part).means, axis=1, keepdims=True) for part in late]
     printed = printed_table().means
     return {
         "settings": len(alone),
         "tables": whole["realisation"].nunique() * len(alone),
-        "whole": weigh(whole),
+        "whole": p_values(whole),
         "sds_rejected": sum(each["p_sds"] < LEVEL for each in alone),
-        "drawn_p": max(weigh(part)["p_bias"] for part in late),
+        "drawn_p": max(p_values(part)["p_bias"] for part in late),
         "drawn_shift": 100 * (np.hstack(late_means) / printed - 1),
         "printed_bias": float(bias_percent(printed)[0]),
     }

@@ -28,7 +28,7 @@
 # these settings produced the table, the printed score is as likely as any other of its row. So the sum of the ten
 # printed scores is ranked among 20 000 sums of scores drawn row by row. The *pooled bias* is the mean over ten rows of
 # mean $A$ over theoretical $A$, less 1; its $p$ is two-sided among 20 000 tables drawn row by row. All three $p$ are
-# `evidence.weigh`'s.
+# `evidence.p_values`'s.
 
 # %%
 import numpy as np
@@ -99,7 +99,7 @@ basins
 # %%
 kept = table2.read_realisations()
 used = kept[kept["realisation"] <= most]
-by_name = {name: evidence.weigh(part) for name, part in used.groupby("protocol", sort=False)}
+by_name = {name: evidence.p_values(part) for name, part in used.groupby("protocol", sort=False)}
 judged = pd.DataFrame(by_name).T
 judged.insert(0, "tables", used.groupby("protocol")["realisation"].nunique())
 judged["drawn_start"] = evidence.starts_drawn(
@@ -111,7 +111,7 @@ judged.round(4)
 # All settings with the whole record together, and the printed bias:
 
 # %%
-together = evidence.weigh(used[~evidence.starts_drawn(used)])
+together = evidence.p_values(used[~evidence.starts_drawn(used)])
 printed_bias = float(evidence.bias_percent(evidence.printed_table().means)[0])
 pd.Series(together | {"printed bias [%]": printed_bias}).round(4)
 
