@@ -89,7 +89,7 @@ def bias_p(means: Floats, printed: Floats) -> float:
 
 
 def p_values(realisations: pd.DataFrame) -> dict[str, float]:
-    """p of the printed table among realisations: of the means, of the SDs, of the bias; and our bias [%]."""
+    """Test the printed table against realisations: p of the means, of the SDs, of the bias; and our bias [%]."""
     ours, printed = tables(realisations), printed_table()
     return {
         "p_means": joint_p(mean_scores(np.hstack([printed.means, ours.means]))),

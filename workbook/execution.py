@@ -57,11 +57,11 @@ def run(source: Path) -> str:
     try:
         os.environ |= kernel_environment(project)
         try:
-            _execute_into(project, source)
+            _execute_into(project, source, project)
             write_text(project / ".make" / f"{name}.ran", f"{time.monotonic() - start:.0f}\n")
         except DataUnavailable:
             os.environ["BACKLASH_RECORDS"] = "simulated"
-            _execute_into(project / "results" / "offline", source, SIMULATED)
+            _execute_into(project / "results" / "offline", source, project, SIMULATED)
             where = " on our simulated records"
     except DataUnavailable as missing:
         return f"{name}: not run: {missing}; its committed results stay"
@@ -133,9 +133,8 @@ def available_memory() -> int:
     return available if text == "max" else min(available, int(text))
 
 
-def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
+def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> None:
     """Execute a source in a staging folder; move what it makes to where it belongs."""
-    project = find_project(source)
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
@@ -144,7 +143,7 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
     with TemporaryDirectory(dir=project / ".make", prefix=f"{source.stem}.") as staging:
         os.environ |= {"REPLICATION_OUT": staging, "REPLICATION_NOTEBOOK": source.stem}
-        execute(notebook, source)
+        execute(notebook, source, project / ".make" / f"{source.stem}.failed.ipynb")
         executed = Path(staging, source.resolve().relative_to(project)).with_suffix(".ipynb")
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)
@@ -153,8 +152,11 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
             shutil.copytree(made, into, copy_function=shutil.move, dirs_exist_ok=True)
 
 
-def execute(notebook: NotebookNode, source: Path) -> None:
-    """Execute a notebook's cells in place, in its own folder; progress bars leave no trace in it."""
+def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
+    """Execute a notebook's cells in place, in the source's folder; progress bars leave no trace in it.
+
+    What one that fails got to is written to `partial`.
+    """
     client = NotebookClient(
         notebook,
         kernel_name="python3",
@@ -166,7 +168,6 @@ def execute(notebook: NotebookNode, source: Path) -> None:
         resources={"metadata": {"path": str(source.parent)}},
     )
     client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
-    partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
     log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
     try:
         with log.open("wb") as file:

@@ -34,9 +34,9 @@ NOTEBOOKS, RESULTS = ROOT / "notebooks", ROOT / "results"
 OUTPUT_FOLDER = os.environ.get("REPLICATION_OUT", "")
 
 
-def notebook_files(ending: str) -> dict[str, Path]:
-    """Files of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
-    files = [*NOTEBOOKS.glob(f"[0-9]*.{ending}"), *NOTEBOOKS.glob(f"beyond/[0-9]*.{ending}")]
+def notebook_sources() -> dict[str, Path]:
+    """Sources of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
+    files = [*NOTEBOOKS.glob("[0-9]*.py"), *NOTEBOOKS.glob("beyond/[0-9]*.py")]
     return {path.stem: path for path in sorted(files, key=lambda path: path.name)}
 
 
@@ -109,7 +109,7 @@ def save_outcome(
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
     outcomes = {}
-    for name, source in notebook_files("py").items():
+    for name, source in notebook_sources().items():
         file = results / "outcomes" / f"{name}.json"
         if file.exists():
             try:

@@ -3,9 +3,9 @@
 import jupytext
 import pytest
 
-from workbook.outcomes import notebook_files
+from workbook.outcomes import notebook_sources
 
-SOURCES = notebook_files("py")
+SOURCES = notebook_sources()
 # Parameters with which a notebook runs faster; the checks hold for any.
 FASTER = {
     "00": {"runs": 1},

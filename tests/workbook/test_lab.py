@@ -16,7 +16,7 @@ def copies(tmp_path, monkeypatch):
     monkeypatch.setenv("JUPYTER_DATA_DIR", str(tmp_path / "signatures"))
     monkeypatch.setattr(lab, "NOTEBOOKS", tmp_path / "notebooks")
     executed = tmp_path / "notebooks" / "00_first.ipynb"
-    monkeypatch.setattr(lab, "notebook_files", lambda ending: {"00_first": executed})
+    monkeypatch.setattr(lab, "notebook_sources", lambda: {"00_first": executed.with_suffix(".py")})
     printed = [new_output("stream", text="right")]
     cells = [
         new_code_cell(SOLUTION, metadata={"tags": ["solution"]}, outputs=printed),

@@ -6,9 +6,9 @@ import jupytext
 import nbformat
 import pytest
 
-from workbook.outcomes import notebook_files
+from workbook.outcomes import notebook_sources
 
-SOURCES = notebook_files("py")
+SOURCES = notebook_sources()
 
 
 def tags(cell):
