@@ -164,7 +164,9 @@ def test_what_is_not_tested_is_a_stand_in_or_taken_over_and_says_so_whatever_its
     for cell in untested:
         assert CELLS.loc[cell, "reason"] != ""
         for factor in (1.0, 2.0):
-            assert agreement(cell, factor * published.value(cell) + factor) == "not tested"
+            number = factor * published.value(cell) + factor
+            assert agreement(cell, number) == "not tested"
+            assert judging.judge_number(cell, "recomputed", number)["agreement"] == "not tested"
 
 
 def test_every_number_that_follows_from_others_is_derived_and_no_other():
