@@ -13,6 +13,9 @@ MAKE_LIVES := kill -0 $${MAKE_PID:-$$PPID} && ! grep -qs ') Z ' /proc/$${MAKE_PI
 WHILE_MAKE_LIVES = & job=$$!; while $(MAKE_LIVES) && kill -0 $$job; do sleep 1; done 2> /dev/null; \
 	$(MAKE_LIVES) || kill $$job; wait $$job
 
+# Where the clock is behind, a stamp gets the time of what it was made from; else all would be installed each time.
+STAMP = touch $@; for made_from in $^; do [ ! "$$made_from" -nt $@ ] || touch -r "$$made_from" $@; done
+
 PIP := $(PY) -I -m pip install --quiet --no-user --require-hashes
 # uv takes seconds, and only what is asked for; where it can't be had, pip installs the whole lock.
 UV := PATH="$$PATH:.venv/bin" uv pip install --quiet --python $(PY) --require-hashes --constraint requirements.lock
@@ -111,12 +114,12 @@ writable:
 	@command -v uv > .venv/uv.path || { $(PIP) --requirement .venv/uv.lock $(WHILE_MAKE_LIVES); } || true
 	@{ $(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook $(WHILE_MAKE_LIVES); } || \
 	  { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
-	touch $@
+	@$(STAMP)
 
 # What a target needs besides: a group of pyproject.toml.
 .venv/.%: .venv/.installed
 	@{ $(UV) --group $* $(WHILE_MAKE_LIVES); } || { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
-	touch $@
+	@$(STAMP)
 
 # A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
 # stamp; none is made where the authors' files could not be had.

@@ -164,7 +164,6 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
         record_timing=False,
         shutdown_kernel="immediate",
-        extra_arguments=["--IPKernelApp.log_level=ERROR"],
         resources={"metadata": {"path": str(source.parent)}},
     )
     client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
