@@ -6,6 +6,8 @@ RUN := $(PY) -m workbook
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
+WRITABLE := [ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
+
 # For a recipe: the make that was started first lives, and is no zombie (where there is a /proc).
 MAKE_LIVES := kill -0 $${MAKE_PID:-$$PPID} && ! grep -qs ') Z ' /proc/$${MAKE_PID:-$$PPID}/stat
 
@@ -27,7 +29,7 @@ unexport PYTEST_ADDOPTS PYTEST_DISABLE_PLUGIN_AUTOLOAD PYTEST_PLUGINS
 unexport $(filter IPYTHON% JUPYTER% MPL%,$(.VARIABLES))
 
 .DEFAULT_GOAL := help
-.PHONY: writable $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
+.PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -35,8 +37,8 @@ help:  ## list the targets
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
 # make from ending well. Each run watches this make, and none starts without it: killed in whatever way, it leaves
 # nothing that computes.
-all: writable .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
+all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
+	@$(WRITABLE); export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
 	$(MAKE_LIVES) && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
@@ -52,6 +54,7 @@ verify: .venv/.installed  ## verification.json, to send back: versions, processo
 	@$(RUN) verify
 
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
+	@$(WRITABLE)
 	$(RUN) lab
 	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) \
 	  --LabApp.default_url=/lab/tree/lab/00_the_sensor.ipynb
@@ -98,10 +101,8 @@ clean:  ## remove what can be made again and is not committed
 
 # ---------------------------------------------------------------------------------------------------------------
 
-writable:
-	@[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
-
 .venv/.installed: pyproject.toml requirements.lock
+	@$(WRITABLE)
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
@@ -118,6 +119,7 @@ writable:
 
 # What a target needs besides: a group of pyproject.toml.
 .venv/.%: .venv/.installed
+	@$(WRITABLE)
 	@{ $(UV) --group $* $(WHILE_MAKE_LIVES); } || { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
 	@$(STAMP)
 
