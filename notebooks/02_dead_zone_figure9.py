@@ -157,7 +157,6 @@ workbook.verdict(
     f"N m. The sharpest edge tried, {sharpest:,.0f} per rad, leaves {100 * K_BL(0.0, sharpest) / K_s:.2g} %. Both "
     "shrink as $\\alpha$ grows and vanish for no finite one: the paper's sentences are approximations (errata E8, E9).",
     claims=claims,
-    facts={"alpha": f"{ALPHA:,.0f}"},
 )
 
 # %% [markdown]

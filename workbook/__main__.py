@@ -17,10 +17,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, report, check, verify, lab, data):
-        made = commands.add_parser(command.__name__, help=command.__doc__)
-        made.set_defaults(command=command)
-        if command is run:
-            made.add_argument("notebook", type=Path, help="a notebook's .py source")
+        commands.add_parser(command.__name__, help=command.__doc__).set_defaults(command=command)
+    commands.choices["run"].add_argument("notebook", type=Path, help="a notebook's .py source")
     options = vars(parser.parse_args(arguments))
     try:
         find_folders()

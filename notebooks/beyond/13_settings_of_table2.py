@@ -162,7 +162,6 @@ workbook.verdict(
         "stored_runs": len(ended),
         "stored_best": basins["runs"].iloc[0],
         "replayed": same_end.sum(),
-        "replayed_same_count": same_count.sum(),
         "replay_apart": f"{ended.loc[same_end, 'difference_rps'].max():.0e}",
         "prediction_finding": prediction_finding,
     },
