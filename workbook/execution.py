@@ -51,8 +51,9 @@ def run(source: Path) -> str:
     UserError
         The source is none, or its `.ipynb` was edited.
     """
-    project, name, start = find_project(source), source.stem, time.monotonic()
+    project, name = find_project(source), source.stem
     refuse_edited(source)
+    start = time.monotonic()
     where = ""
     try:
         os.environ |= kernel_environment(project)
