@@ -6,6 +6,18 @@ RUN := $(PY) -m workbook
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
+WRITABLE := [ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
+
+# For a recipe: the make that was started first lives, and is no zombie (where there is a /proc).
+MAKE_LIVES := kill -0 $${MAKE_PID:-$$PPID} && ! grep -qs ') Z ' /proc/$${MAKE_PID:-$$PPID}/stat
+
+# After a command: it ends when make does.
+WHILE_MAKE_LIVES = & job=$$!; while $(MAKE_LIVES) && kill -0 $$job; do sleep 1; done 2> /dev/null; \
+	$(MAKE_LIVES) || kill $$job; wait $$job
+
+# Where the clock is behind, a stamp gets the time of what it was made from; else all would be installed each time.
+STAMP = touch $@; for made_from in $^; do [ ! "$$made_from" -nt $@ ] || touch -r "$$made_from" $@; done
+
 PIP := $(PY) -I -m pip install --quiet --no-user --require-hashes
 # uv takes seconds, and only what is asked for; where it can't be had, pip installs the whole lock.
 UV := PATH="$$PATH:.venv/bin" uv pip install --quiet --python $(PY) --require-hashes --constraint requirements.lock
@@ -17,7 +29,7 @@ unexport PYTEST_ADDOPTS PYTEST_DISABLE_PLUGIN_AUTOLOAD PYTEST_PLUGINS
 unexport $(filter IPYTHON% JUPYTER% MPL%,$(.VARIABLES))
 
 .DEFAULT_GOAL := help
-.PHONY: writable $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
+.PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
 
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -25,9 +37,9 @@ help:  ## list the targets
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
 # make from ending well. Each run watches this make, and none starts without it: killed in whatever way, it leaves
 # nothing that computes.
-all: writable .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
-	kill -0 $$MAKE_PID && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
+all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
+	@$(WRITABLE); export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
+	$(MAKE_LIVES) && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
 	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
@@ -42,6 +54,7 @@ verify: .venv/.installed  ## verification.json, to send back: versions, processo
 	@$(RUN) verify
 
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
+	@$(WRITABLE)
 	$(RUN) lab
 	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) \
 	  --LabApp.default_url=/lab/tree/lab/00_the_sensor.ipynb
@@ -88,10 +101,8 @@ clean:  ## remove what can be made again and is not committed
 
 # ---------------------------------------------------------------------------------------------------------------
 
-writable:
-	@[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
-
 .venv/.installed: pyproject.toml requirements.lock
+	@$(WRITABLE)
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
@@ -100,23 +111,26 @@ writable:
 	$(PY) -I -c 'import pathlib, sysconfig; pathlib.Path(sysconfig.get_path("purelib"), "checkout.pth").write_text("../../../..\n")'
 	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > .venv/uv.lock
 	sed '/^uv==/,/[^\\]$$/d' requirements.lock > .venv/all.lock
-	command -v uv > .venv/uv.path || $(PIP) --requirement .venv/uv.lock || true
-	$(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook || $(PIP) --requirement .venv/all.lock
-	touch $@
+	@echo 'The locked versions are being installed into .venv'
+	@command -v uv > .venv/uv.path || { $(PIP) --requirement .venv/uv.lock $(WHILE_MAKE_LIVES); } || true
+	@{ $(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook $(WHILE_MAKE_LIVES); } || \
+	  { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
+	@$(STAMP)
 
 # What a target needs besides: a group of pyproject.toml.
 .venv/.%: .venv/.installed
-	$(UV) --group $* || $(PIP) --requirement .venv/all.lock
-	touch $@
+	@$(WRITABLE)
+	@{ $(UV) --group $* $(WHILE_MAKE_LIVES); } || { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
+	@$(STAMP)
 
 # A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
 # stamp; none is made where the authors' files could not be had.
 PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
 BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
-	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
+	@$(MAKE_LIVES) && $(RUN) run $<
 .make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
-	@kill -0 $${MAKE_PID:-$$PPID} && $(RUN) run $<
+	@$(MAKE_LIVES) && $(RUN) run $<
 
 NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
 ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)

@@ -45,11 +45,11 @@ runs = 25  # of the search
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, workbook.Interval(0, 2.1)),
-    friction_share=(friction_share, workbook.Interval(0, 0.5)),
+    backlash_mrad=(backlash_mrad, (0, 2.1)),
+    friction_share=(friction_share, (0, 0.5)),
     sample_ms=(sample_ms, (1.0, 2.0, 4.0, 5.0)),
-    turn_period_s=(turn_period_s, workbook.Interval(0.3, 0.5)),
-    noise_rps=(noise_rps, workbook.Interval(0, 0.5)),
+    turn_period_s=(turn_period_s, (0.3, 0.5)),
+    noise_rps=(noise_rps, (0, 0.5)),
     seed=(seed, range(1, 1_000_001)),
     population=(population, range(10, 1001)),
     runs=(runs, range(1, 101)),
@@ -328,7 +328,7 @@ print(
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 noise_free = best_fit(Recording(t, clean, v_t, T_f, "without noise"), settings)
 of_signature = off_percent(noise_free.amplitude_rps)
-print("right" if np.isclose(own_percent, of_signature, atol=0.2) else "not yet")
+workbook.check_answer(own_percent, of_signature, atol=0.2)
 
 # %% [markdown]
 # **2.** Every table of the paper has $A$ in rps. Which backlash (`forgotten_mrad`) does equation 10
@@ -338,8 +338,9 @@ print("right" if np.isclose(own_percent, of_signature, atol=0.2) else "not yet")
 forgotten_mrad = equation_10(0.6 / 60)  # between 0.034 at 0 rps and 0.046 at 1.2 rps
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-any_log = equation_10(0.0) <= forgotten_mrad <= equation_10(1.2 / 60)
-print("right" if any_log else "not yet")
+workbook.check_answer(
+    forgotten_mrad, lambda mrad: equation_10(0.0) <= mrad <= equation_10(1.2 / 60)
+)
 
 # %% [markdown]
 # **3.** Why not read the largest sample instead of a fit? How much of the theoretical $A$ does the
@@ -351,7 +352,7 @@ print(f"it misses {missed_percent:.1f} % of A; with noise it is {-noisy_percent:
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 missed = -off_percent(clean[t >= T_f].max() - v_t)
-print("right" if np.isclose(missed_percent, missed, atol=0.1) else "not yet")
+workbook.check_answer(missed_percent, missed, atol=0.1)
 
 # %% [markdown]
 # **What you have learnt**: an impact rings, a fit gives $A$, equation 10 gives the backlash, and

@@ -73,9 +73,9 @@ changes = {}  # factors on ratios of the joint, such as {"K_s/J_l": 0.5}
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = identified_joint()
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 2.1)),
-    friction_share=(friction_share, workbook.Interval(0, 0.2)),
-    changes=(changes, dict.fromkeys(ratios(identified), workbook.Interval(0, 10))),
+    backlash_mrad=(backlash_mrad, (0.1, 2.1)),
+    friction_share=(friction_share, (0, 0.2)),
+    changes=(changes, dict.fromkeys(ratios(identified), (0, 10))),
 )
 
 # %% [markdown]
@@ -289,8 +289,8 @@ touching = t[(t < impacts[1]) & (run.gap != 0)]
 print(f"{1e3 * fall_s:.1f} ms against {1e3 * (impacts[1] - touching[-1]):.1f} ms")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-fallen_rad = joint.G * joint.Omega * fall_s**3 / (6 * joint.N * joint.J_l)
-print("right" if np.isclose(fallen_rad, 2 * delta, rtol=0.05) else "not yet")
+cubed = 2 * delta * 6 * joint.N * joint.J_l / (joint.G * joint.Omega)
+workbook.check_answer(fall_s, lambda fall: np.isclose(fall**3, cubed, rtol=0.05))
 
 # %% [markdown]
 # **2.** A newer drive has half the lag $T_\tau$ of the identified joint's. At which rate
@@ -302,7 +302,7 @@ print(f"{quick_decay:.1f} 1/s: less lag undoes less of the damping")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 quick = identified._replace(torque_lag=0.5 * identified.torque_lag)
-print("right" if np.isclose(quick_decay, -ring_modes(quick)[-1].real, rtol=0.01) else "not yet")
+workbook.check_answer(quick_decay, -ring_modes(quick)[-1].real, rtol=0.01)
 
 # %% [markdown]
 # **3.** Halve the identified joint's speed gain $K_p$. At which rate (`weak_decay` [1/s], all terms)
@@ -314,7 +314,7 @@ print(f"{weak_decay:.1f} 1/s: below 0 the ring grows, and the drive is unstable"
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 weak = identified._replace(K_p=0.5 * identified.K_p)
-print("right" if np.isclose(weak_decay, -ring_modes(weak)[-1].real, rtol=0.01) else "not yet")
+workbook.check_answer(weak_decay, -ring_modes(weak)[-1].real, rtol=0.01)
 
 # %% [markdown]
 # **What you have learnt**: gravity opens the gap twice a turn, and drive and coupling together set

@@ -99,7 +99,7 @@ workbook.check_parameters(
     run=(run, range(1, 31)),
     turns=(turns, range(1, 13)),
     cost=(cost, ("RMSE", "L1", callable)),
-    more_bounds=(more_bounds, {key: [workbook.Interval(-np.inf)] for key in your_names}),
+    more_bounds=(more_bounds, {key: [(-np.inf, np.inf)] for key in your_names}),
     seeds=(seeds, range(2, 31)),
 )
 
@@ -280,9 +280,6 @@ if min(usual["alike"], yours["alike"]) < 2:
     text += " A row's best end was reached by one search alone: a lower one may exist, so compare with more `seeds`."
 workbook.verdict(text, cells)
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(cells=cells)
-
 # %% [markdown]
 # ## Try changing
 #
@@ -312,7 +309,7 @@ print(f"{literal_rmse:.3f} rps, {literal_rmse / stored_rmse[7]:.1f} times the st
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 literal = signature.rmse(record.t, record.v, X8, Timing(X8.t0 + 0.2, X8.t0 + 0.4))
-print("right" if np.isclose(literal_rmse, literal, rtol=0.01) else "not yet")
+workbook.check_answer(literal_rmse, literal, rtol=0.01)
 
 # %% [markdown]
 # **2.** Some of the stored runs have a negative $A$, others a positive one. By which `shift_s` must
@@ -324,8 +321,14 @@ shift_s = 0.2  # half a turn: a fit tells |A|, not its sign
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 begun = record.t > X8.t0 + 0.5
-inverted = signature.h(record.t, X8._replace(A=-X8.A, t0=X8.t0 + shift_s))[begun]
-print("right" if np.allclose(inverted, signature.h(record.t, X8)[begun], atol=1e-3) else "not yet")
+
+
+def repeats(shift):
+    inverted = signature.h(record.t, X8._replace(A=-X8.A, t0=X8.t0 + shift))
+    return np.allclose(inverted[begun], signature.h(record.t, X8)[begun], atol=1e-3)
+
+
+workbook.check_answer(shift_s, repeats)
 
 # %% [markdown]
 # **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open a whole sampling period of
@@ -337,7 +340,7 @@ factor = np.exp(0.002 * X8.tau)
 print(f"{100 * (factor - 1):.1f} %")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(np.log(factor), 0.002 * X8.tau, rtol=0.02) else "not yet")
+workbook.check_answer(factor, lambda x: np.isclose(np.log(x), 0.002 * X8.tau, rtol=0.02))
 
 # %% [markdown]
 # **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is

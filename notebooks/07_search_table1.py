@@ -46,7 +46,7 @@ workbook.check_parameters(
     population=(population, range(4, 5001)),
     iterations=(iterations, range(1, 2001)),
     seeds=(seeds, [range(1, 2**31)]),
-    box=(box, {name: [workbook.Interval(-1e4, 1e4)] for name in Parameters._fields}),
+    box=(box, {name: [(-1e4, 1e4)] for name in Parameters._fields}),
     optimiser=(optimiser, ("CMA-ES", "differential evolution", callable)),
 )
 with workbook.explain("box", box):
@@ -320,9 +320,6 @@ workbook.verdict(
     cells,
 )
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(cells=cells)
-
 # %% [markdown]
 # ## Try changing
 #
@@ -347,7 +344,7 @@ mean_length = np.linalg.norm(vectors, axis=1).mean()
 print(f"{mean_length:.3f}; the rms length {np.sqrt(7):.3f} is larger")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(mean_length, c.chi_n, rtol=0.01) else "not yet")
+workbook.check_answer(mean_length, c.chi_n, rtol=0.01)
 
 # %% [markdown]
 # **2.** If the ranks were random, how long would the step of the mean be (`mean_step`, in units of $\sigma$, to 5 %),
@@ -359,7 +356,7 @@ mean_step = np.linalg.norm(np.einsum("i,kij->kj", c.weights[: c.mu], drawn), axi
 print(f"{mean_step:.4f}: an average of mu_eff members is shorter by the root of mu_eff")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(mean_step, c.chi_n / np.sqrt(c.mu_eff), rtol=0.05) else "not yet")
+workbook.check_answer(mean_step, c.chi_n / np.sqrt(c.mu_eff), rtol=0.05)
 
 # %% [markdown]
 # **3.** From which population on (`smallest`) do the samples of one generation make up more than half of $\mathbf C$
@@ -371,7 +368,7 @@ print(f"from {smallest} members on")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 c_mu = {size: cmaes.constants(size, 7).c_mu for size in range(4, 301)}
-print("right" if c_mu.get(smallest - 1, 1) <= 0.5 < c_mu.get(smallest, 0) else "not yet")
+workbook.check_answer(smallest, lambda n: c_mu.get(n - 1, 1) <= 0.5 < c_mu.get(n, 0))
 
 # %% [markdown]
 # **What you have learnt**: CMA-ES moves and reshapes a normal distribution by ranks alone; a search is judged by how

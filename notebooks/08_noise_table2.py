@@ -50,10 +50,7 @@ workbook.check_parameters(
     runs_each=(runs_each, range(2, 1001)),
     population=(population, range(4, 5001)),
     shown_row=(shown_row, range(1, 11)),
-    criteria=(
-        criteria,
-        {name: workbook.Interval(0, 100) for name in ("error_below_10", "local_minima")},
-    ),
+    criteria=(criteria, dict.fromkeys(("error_below_10", "local_minima"), (0, 100))),
 )
 
 # %% [markdown]
@@ -238,14 +235,12 @@ workbook.verdict(
     "intervals.",
     cells,
     claims,
-)
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(
-    tables={"table2": table},
-    facts={"clean_error": (errors, "+.1f"), "clean_error_mean": (errors.mean(), ".1f")},
-    cells=cells,
-    claims=claims,
+    {
+        "clean_error_low": f"{errors.min():+.1f}",
+        "clean_error_high": f"{errors.max():+.1f}",
+        "clean_error_mean": f"{errors.mean():.1f}",
+    },
+    {"table2": table},
 )
 
 # %% [markdown]
@@ -272,7 +267,7 @@ print(f"{together_rps:.4f} rps; the noise alone has the SD {0.1789 / np.sqrt(3):
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 of_row_10 = fits.loc[fits["row"] == 10, "global_rmse_rps"].mean()
-print("right" if np.isclose(together_rps, of_row_10, rtol=0.05) else "not yet")
+workbook.check_answer(together_rps, of_row_10, rtol=0.05)
 
 # %% [markdown]
 # **2.** Of 30 runs 29 end at the same $A$ and one elsewhere. How far off (`distance_rps`) is the one run that would
@@ -283,8 +278,10 @@ distance_rps = regions["sd"].loc[10] * np.sqrt(30)
 print(f"{distance_rps:.3f} rps, {100 * distance_rps / means[10]:.0f} % of the printed mean")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-sd_rps = np.std([0.0] * 29 + [distance_rps], ddof=1)
-print("right" if np.isclose(sd_rps, regions["sd"].loc[10], rtol=0.02) else "not yet")
+of_row_10 = regions["sd"].loc[10]
+workbook.check_answer(
+    distance_rps, lambda rps: np.isclose(np.std([0.0] * 29 + [rps], ddof=1), of_row_10, rtol=0.02)
+)
 
 # %% [markdown]
 # **3.** A run finds the global minimum with the probability 1/3. How many runs (`runs_needed`) make it 99 % sure that
@@ -295,7 +292,7 @@ runs_needed = np.ceil(np.log(0.01) / np.log(2 / 3))
 print(f"{runs_needed:.0f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if (2 / 3) ** runs_needed <= 0.01 < (2 / 3) ** (runs_needed - 1) else "not yet")
+workbook.check_answer(runs_needed, lambda n: (2 / 3) ** n <= 0.01 < (2 / 3) ** (n - 1))
 
 # %% [markdown]
 # **What you have learnt**: a cost with many minima makes an SD depend on the few runs that miss the global one; a

@@ -77,9 +77,9 @@ measure_mrad = 0.1  # step to which the hand's measure of the backlash is rounde
 workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     bench_seed=(bench_seed, range(0, 10**6)),
-    spread=(spread, dict.fromkeys(asdict(bench.Spread()), workbook.Interval(0, 1))),
+    spread=(spread, dict.fromkeys(asdict(bench.Spread()), (0, 1))),
     benches=(benches, range(2, 1001)),
-    measure_mrad=(measure_mrad, workbook.Interval(1e-3, 0.1)),
+    measure_mrad=(measure_mrad, (1e-3, 0.1)),
 )
 
 # %% [markdown]
@@ -214,10 +214,8 @@ workbook.verdict(
     f"{'' if off_SDs < 2 else 'not '}compatible with such benches, whose spread is our assumption.",
     cells,
     claims,
+    tables={"table3": table},
 )
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(tables={"table3": table}, cells=cells, claims=claims)
 
 # %% [markdown]
 # ## Try changing
@@ -247,7 +245,7 @@ print(f"{error_mrad:.3f} mrad, by the slope {slope * off_rps:.3f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 by_print_mrad = 1e3 * (f(published.value("table3.row01.mean")) - f(known_A[0]))
-print("right" if np.isclose(error_mrad, by_print_mrad, rtol=0.04) else "not yet")
+workbook.check_answer(error_mrad, by_print_mrad, rtol=0.04)
 
 # %% [markdown]
 # **2.** The encoder rounds the motor's angle to $q = 2\pi / 2^{19}$ rad, and the log differences it
@@ -261,7 +259,7 @@ print(f"{sd_rps:.5f} rps; the noise has {stand_in.noise_rps:.3f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 two_errors = np.sqrt(1 / 12 + 1 / 12)  # in steps of the encoder
-print("right" if np.isclose(sd_rps, two_errors / 2**19 / 0.002, rtol=0.02) else "not yet")
+workbook.check_answer(sd_rps, two_errors / 2**19 / 0.002, rtol=0.02)
 
 # %% [markdown]
 # **3.** The stand-in's static measure has an SD of 0.01 mm at an arm of 0.3 m. Which error of the
@@ -275,8 +273,10 @@ print(f"{change_percent:.1f} %: no")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 A_1_mrad = np.interp(1e-3, f(A_axis), A_axis)
-measured_rad = f(A_1_mrad * (1 + change_percent / 100))
-print("right" if np.isclose(measured_rad - 1e-3, 1e-5 / 0.3, rtol=0.05) else "not yet")
+workbook.check_answer(
+    change_percent,
+    lambda percent: np.isclose(f(A_1_mrad * (1 + percent / 100)) - 1e-3, 1e-5 / 0.3, rtol=0.05),
+)
 
 # %% [markdown]
 # **What you have learnt**: a stand-in shows what is typical and tests nothing; known values can be

@@ -46,8 +46,8 @@ workbook.check_parameters(
     repeats=(repeats, range(2, 1001)),
     robots_each=(robots_each, range(2, 10001)),
     robot_seed=(robot_seed, range(0, 10**6)),
-    couplings=(couplings, [workbook.Interval(0, 1)]),
-    torque_shares=(torque_shares, [workbook.Interval(1e-4, 1)]),
+    couplings=(couplings, [(0, 1)]),
+    torque_shares=(torque_shares, [(1e-4, 1)]),
 )
 
 # %% [markdown]
@@ -202,10 +202,8 @@ workbook.verdict(
     f"torque of {100 * max(torque_shares):.3g} % makes a joint without backlash look excessive at {mistaken:.0f} % of "
     f"the frequencies{': $A$ alone does not tell a coupling torque from backlash' if mistaken else ''}.",
     cells,
+    tables={"table4": table},
 )
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(tables={"table4": table}, cells=cells)
 
 # %% [markdown]
 # ## Try changing
@@ -236,7 +234,7 @@ chance = np.mean(difference > 0) + np.mean(difference == 0) / 2
 print(f"{chance:.4f}, as the area")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(chance, areas[couplings[0]], atol=1e-3) else "not yet")
+workbook.check_answer(chance, areas[couplings[0]], atol=1e-3)
 
 # %% [markdown]
 # **2.** In a plant 2 % of the robots are bad. Which share (`share_right`) of those that the best
@@ -252,7 +250,7 @@ print(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 called = 0.02 * best["d"] + 0.98 * best["f"]
-print("right" if np.isclose(share_right * called, 0.02 * best["d"], rtol=0.05) else "not yet")
+workbook.check_answer(share_right, 0.02 * best["d"] / called, rtol=0.05)
 
 # %% [markdown]
 # **3.** Of $\sin(2\pi k t/T_f)$ take the part that repeats with opposite sign half a turn later,
@@ -267,7 +265,7 @@ left = [np.std(part) / np.std(sign * wave) for part, wave in zip(parts, waves, s
 print(np.round(left, 3))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.allclose(left, [0, 0, 1], atol=0.01) else "not yet")
+workbook.check_answer(left, [0, 0, 1], atol=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a threshold is chosen by rates of detection and false alarm, and a

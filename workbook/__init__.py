@@ -5,21 +5,19 @@ import pandas as pd
 from replication.records import ROOT
 from workbook.animation import flipbook
 from workbook.judging import judge, verdict
-from workbook.outcomes import export, show_figure
-from workbook.parameters import Interval, ParameterError, check_parameters, explain, sliders
+from workbook.outcomes import show_figure
+from workbook.parameters import ParameterError, check_answer, check_parameters, explain
 
 # What notebooks call.
 __all__ = [
     "ROOT",
-    "Interval",
     "ParameterError",
+    "check_answer",
     "check_parameters",
     "explain",
-    "export",
     "flipbook",
     "judge",
     "show_figure",
-    "sliders",
     "verdict",
 ]
 

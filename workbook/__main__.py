@@ -17,14 +17,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     for command in (run, report, check, verify, lab, data):
-        made = commands.add_parser(command.__name__, help=command.__doc__)
-        made.set_defaults(command=command)
-        if command is run:
-            made.add_argument("notebook", type=Path, help="a notebook's .py source")
+        commands.add_parser(command.__name__, help=command.__doc__).set_defaults(command=command)
+    commands.choices["run"].add_argument("notebook", type=Path, help="a notebook's .py source")
     options = vars(parser.parse_args(arguments))
     try:
         find_folders()
-        status = options.pop("command")(**options)
+        status = options.pop("command")(**options) or 0
         print(end="", flush=True)
         return status
     except UserError as error:
@@ -49,7 +47,7 @@ def find_folders() -> None:
             os.environ[variable] = str(folder)
 
 
-def run(notebook: Path) -> int:
+def run(notebook: Path) -> None:
     """Execute a notebook and put what it makes in place."""
     # Where JupyterLab is installed, jsonschema makes a grammar of web addresses of it, in 3 s of every start.
     sys.modules["rfc3987_syntax"] = None  # type: ignore[assignment]
@@ -57,11 +55,10 @@ def run(notebook: Path) -> int:
 
     if "MAKE_PID" in os.environ:
         execution.end_with(int(os.environ["MAKE_PID"]))
-    print(execution.run(notebook), flush=True)
-    return 0
+    print(execution.run(notebook))
 
 
-def report() -> int:
+def report() -> None:
     """Write the verdicts, report.md, what the results are made from, and the status in README.md."""
     from workbook.provenance import provenance
     from workbook.report import write_report
@@ -71,7 +68,6 @@ def report() -> int:
     if (offline / "outcomes").is_dir():
         print(write_report(offline))
     write_json(RESULTS / "provenance.json", provenance())
-    return 0
 
 
 def check() -> int:
@@ -86,31 +82,28 @@ def check() -> int:
     return int(bool(surprises))
 
 
-def verify() -> int:
+def verify() -> None:
     """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
     from workbook.provenance import manifest
 
     path = ROOT / "verification.json"
     write_json(path, manifest(RESULTS))
     print(path)
-    return 0
 
 
-def lab() -> int:
+def lab() -> None:
     """Copy the notebooks to lab/ for changes."""
     from workbook.lab import copy_notebooks
 
     if kept := copy_notebooks():
         print(f"lab/: {len(kept)} copies stay as they are; delete one to get a new one")
-    return 0
 
 
-def data() -> int:
+def data() -> None:
     """Fetch and verify the authors' files."""
     from replication.records import AUTHORS_FILES, authors_file
 
     print(*(authors_file(path) for path in AUTHORS_FILES), sep="\n")
-    return 0
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import io
 import json
 from collections.abc import Callable
 from string import Template
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,30 +29,16 @@ slider.addEventListener("input", () => { pause(); show(+slider.value); });
 }</script>""")
 
 
-class Flipbook(NamedTuple):
-    """Pictures with a slider, and one of them for who runs no scripts."""
+def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, first: int = 0) -> None:
+    """Show pictures 0 to count - 1, each drawn on an empty figure by `draw(figure, k)`, with a slider.
 
-    html: str
-    png: bytes
-
-    def __repr__(self) -> str:
-        return "Flipbook"
-
-    def _repr_html_(self) -> str:
-        return self.html
-
-    def _repr_png_(self) -> bytes:
-        return self.png
-
-
-def flipbook(
-    draw: Callable[["Figure", int], None], count: int, words: str, first: int = 0
-) -> Flipbook:
-    """Draw pictures 0 to count - 1, each on an empty figure by `draw(figure, k)`; `words` for who does not see them."""
+    Without scripts a page shows the first one; who does not see them reads `words`.
+    """
+    from IPython.display import display
     from matplotlib import pyplot as plt  # slow to import, and not every command draws
 
     figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
-    pictures, png = [], io.BytesIO()
+    pictures = []
     for k in range(count):
         figure.clear()
         draw(figure, k)
@@ -60,14 +46,17 @@ def flipbook(
         figure.savefig(buffer, format="webp", pil_kwargs={"lossless": True, "method": 2})
         data = base64.b64encode(buffer.getvalue()).decode("ascii")
         pictures.append(f"data:image/webp;base64,{data}")
-        if k == first:
-            figure.savefig(png, format="png")
+    figure.clear()
+    draw(figure, first)
+    png = io.BytesIO()
+    figure.savefig(png, format="png")
     plt.close(figure)
-    html = PLAYER.substitute(
+    player = PLAYER.substitute(
         words=words,
         picture=pictures[first],
         pictures=json.dumps(pictures),
         first=first,
         last=count - 1,
     )
-    return Flipbook(html, png.getvalue())
+    shown = {"text/html": player, "image/png": png.getvalue(), "text/plain": words}
+    display(shown, raw=True)

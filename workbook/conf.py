@@ -10,14 +10,7 @@ project = "A virtual sensor for backlash: the replication"
 extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 root_doc = "results/report"
 include_patterns = ["results/report.md", "notebooks/**"]
-exclude_patterns = [
-    ".*",
-    "lab",
-    "results/book",
-    "results/offline",
-    "**.py",
-    "**/.ipynb_checkpoints",
-]
+exclude_patterns = ["**/.ipynb_checkpoints"]
 nb_execution_mode = "off"
 nb_render_markdown_format = "myst"
 myst_enable_extensions = ["dollarmath", "amsmath"]

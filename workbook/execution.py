@@ -1,5 +1,7 @@
 """Execution of one notebook in a fresh kernel; what it makes is put in place only if it ended well."""
 
+import atexit
+import hashlib
 import os
 import shutil
 import subprocess
@@ -8,14 +10,13 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import joblib
 import jupytext
 import nbformat
 import psutil
 from nbclient import NotebookClient
-from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from nbclient.exceptions import CellControlSignal, CellExecutionError
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
@@ -25,6 +26,7 @@ from replication.records import ROOT, DataUnavailable, UserError, write_text
 CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
 SIMULATED = """**On our simulated records in place of the authors', whose files could not be had. The \
 committed results, from the authors' data, are untouched; `make data` fetches them.**"""
 
@@ -39,28 +41,35 @@ def run(source: Path) -> str:
     """Execute a notebook and put what it makes in place, beside its folder `notebooks`; say how it ended.
 
     Where the authors' files can't be had it runs on our simulated records, into `results/offline`. A
-    stamp, `.make/NAME.ran`, says that it ran on what it asks for.
+    stamp, `.make/NAME.ran`, says that it ran on what it asks for. This process gets the environment of
+    its kernel.
 
     Raises
     ------
     NotebookFailed
-        A cell failed, or its kernel did; what it got to lies in `.make`.
+        A cell failed, or its kernel or the disk did; what it got to lies in `.make`.
     UserError
         The source is none, or its `.ipynb` was edited.
     """
-    project = find_project(source)
+    project, name = find_project(source), source.stem
     refuse_edited(source)
-    name, start = source.stem, time.monotonic()
+    start = time.monotonic()
     where = ""
     try:
-        _execute_into(project, source, project)
-        write_text(project / ".make" / f"{name}.ran", f"{time.monotonic() - start:.0f}\n")
-    except DataUnavailable as missing:
+        os.environ |= kernel_environment(project)
         try:
-            _execute_into(project / "results" / "offline", source, project, records="simulated")
-            where = " on our simulated records"
+            _execute_into(project, source, project)
+            write_text(project / ".make" / f"{name}.ran", f"{time.monotonic() - start:.0f}\n")
         except DataUnavailable:
-            return f"{name}: not run: {missing}; its committed results stay"
+            os.environ["BACKLASH_RECORDS"] = "simulated"
+            _execute_into(project / "results" / "offline", source, project, SIMULATED)
+            where = " on our simulated records"
+    except DataUnavailable as missing:
+        return f"{name}: not run: {missing}; its committed results stay"
+    except OSError as error:
+        raise NotebookFailed(
+            f"{source.name}: {error}, while working in {project / '.make'}"
+        ) from error
     return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 
@@ -74,61 +83,41 @@ def find_project(source: Path) -> Path:
 
 
 def refuse_edited(source: Path) -> None:
-    """Refuse to overwrite an `.ipynb` whose cells were edited after its source."""
+    """Refuse to overwrite an `.ipynb` whose cells are neither those that it was executed with nor the source's."""
     executed = source.with_suffix(".ipynb")
-    if not executed.exists() or executed.stat().st_mtime_ns < source.stat().st_mtime_ns:
+    if not executed.exists():
         return
-    here, there = (
-        [(cell.cell_type, cell.source.rstrip()) for cell in jupytext.read(file).cells]
-        for file in (source, executed)
-    )
-    if here != there:
+    notebook = jupytext.read(executed)
+    there = cells_sha256(notebook)
+    if there not in (notebook.metadata.get(HASH, there), cells_sha256(jupytext.read(source))):
         raise UserError(
-            f"{executed}: edited after {source.name}, and left as it is; take the edits over by "
-            f"jupytext --sync {source}, or delete it"
+            f"{executed}: edited, and left as it is; take the edits over by jupytext --sync {source}, "
+            "or delete it"
         )
 
 
-def _execute_into(destination: Path, source: Path, project: Path, records: str = "") -> None:
-    """Execute a notebook in a staging folder, then rename each file into a destination."""
-    notebook = jupytext.read(source)
-    for position, cell in enumerate(notebook.cells):
-        cell["id"] = f"cell-{position:02d}"  # the same from run to run
-    notebook.metadata = nbformat.from_dict({"kernelspec": KERNEL})
-    if records:
-        notebook.cells.insert(0, new_markdown_cell(SIMULATED, id="records"))
-    (project / ".make").mkdir(exist_ok=True)
-    with TemporaryDirectory(dir=project / ".make", prefix=f"{source.stem}.") as staging:
-        variables = {
-            "REPLICATION_OUT": staging,
-            "REPLICATION_NOTEBOOK": source.stem,
-            "BACKLASH_RECORDS": records,
-        }
-        execute(notebook, source, kernel_environment() | variables)
-        executed = Path(staging, source.resolve().relative_to(project)).with_suffix(".ipynb")
-        executed.parent.mkdir(parents=True)
-        nbformat.write(notebook, executed)
-        for made in Path(staging).iterdir():
-            into = destination / made.name
-            shutil.copytree(made, into, copy_function=os.replace, dirs_exist_ok=True)
+def cells_sha256(notebook: NotebookNode) -> str:
+    """SHA-256 of the cells' types and sources."""
+    cells = [(cell.cell_type, cell.source.rstrip()) for cell in notebook.cells]
+    return hashlib.sha256(repr(cells).encode()).hexdigest()
 
 
-def kernel_environment() -> dict[str, str]:
+def kernel_environment(project: Path) -> dict[str, str]:
     """A kernel's variables: arithmetic and workers are pinned, the user's own settings shut out."""
-    settings = ROOT / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
+    settings = project / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
     folders = ("MPLCONFIGDIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR")
     for name in folders:
         (settings / name).mkdir(parents=True, exist_ok=True)
     return {
-        **os.environ,
         **pinned_environment(),
         **{name: str(settings / name) for name in folders},
         **dict.fromkeys(("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONSTARTUP"), ""),
         "MATPLOTLIBRC": str(settings / "none"),
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+        "BACKLASH_RECORDS": "",
         "PYTHONHASHSEED": "0",
+        "PYTHONPATH": str(ROOT),
         "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
     }
 
 
@@ -145,8 +134,30 @@ def available_memory() -> int:
     return available if text == "max" else min(available, int(text))
 
 
-def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -> None:
-    """Execute a notebook's cells in place, in its own folder; progress bars leave no trace in it."""
+def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> None:
+    """Execute a source in a staging folder; move what it makes to where it belongs."""
+    notebook = jupytext.read(source)
+    for position, cell in enumerate(notebook.cells):
+        cell["id"] = f"cell-{position:02d}"  # the same from run to run
+    notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
+    if warning:
+        notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
+    with TemporaryDirectory(dir=project / ".make", prefix=f"{source.stem}.") as staging:
+        os.environ |= {"REPLICATION_OUT": staging, "REPLICATION_NOTEBOOK": source.stem}
+        execute(notebook, source, project / ".make" / f"{source.stem}.failed.ipynb")
+        executed = Path(staging, source.resolve().relative_to(project)).with_suffix(".ipynb")
+        executed.parent.mkdir(parents=True)
+        nbformat.write(notebook, executed)
+        for made in Path(staging).iterdir():
+            into = destination / made.name
+            shutil.copytree(made, into, copy_function=shutil.move, dirs_exist_ok=True)
+
+
+def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
+    """Execute a notebook's cells in place, in the source's folder; progress bars leave no trace in it.
+
+    What one that fails got to is written to `partial`.
+    """
     client = NotebookClient(
         notebook,
         kernel_name="python3",
@@ -154,20 +165,25 @@ def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -
         coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
         record_timing=False,
         shutdown_kernel="immediate",
-        extra_arguments=["--IPKernelApp.log_level=ERROR"],
         resources={"metadata": {"path": str(source.parent)}},
     )
-    started = [0]
-    client.on_cell_start = lambda cell, cell_index: started.append(cell_index + 1)
     client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
+    log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
     try:
-        client.execute(env=environment)
-    except (CellExecutionError, CellTimeoutError, DeadKernelError) as error:
-        why = _reason(error)
-        partial = find_project(source) / ".make" / f"{source.stem}.failed.ipynb"
+        with log.open("wb") as file:
+            client.execute(stderr=file)
+        log.unlink()
+    except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
+        atexit.unregister(client._cleanup_kernel)  # of a kernel that never was
+        why = " ".join([str(error).partition("\n")[0], *log.read_text().splitlines()[-1:]])
+        if isinstance(error, CellExecutionError):
+            if error.ename == "DataUnavailable":
+                raise DataUnavailable(error.evalue) from error
+            why = f"{error.ename}: {error.evalue}".partition("\n")[0]
         write_text(partial, nbformat.writes(notebook))
         raise NotebookFailed(
-            f"{source.name}, cell {started[-1]}: {why}; what it got to is in {partial}"
+            f"{source.name}, code cell {client.code_cells_executed}: {why}; "
+            f"what it got to is in {partial}"
         ) from error
     for cell in notebook.cells:
         if cell.cell_type == "code":
@@ -176,21 +192,10 @@ def execute(notebook: NotebookNode, source: Path, environment: dict[str, str]) -
     del notebook.metadata["language_info"]["version"]
 
 
-def _reason(error: Exception) -> str:
-    """What ended a notebook, in one line; data that could not be had are raised as such."""
-    if isinstance(error, CellTimeoutError):
-        return f"no end after {CELL_TIMEOUT_S / 60:.3g} minutes"
-    if not isinstance(error, CellExecutionError):
-        return "the kernel died"
-    if error.ename == "DataUnavailable":
-        raise DataUnavailable(error.evalue) from error
-    return f"{error.ename}: {error.evalue}".partition("\n")[0]
-
-
 def _kill_with_this_process(client: NotebookClient) -> None:
     """Kill a kernel and its workers when this process ends, however it does: then the pipe closes."""
-    kernel: Any = client.km
-    group = kernel.provisioner.pgid
+    assert client.km is not None
+    group = client.km.provisioner.pgid  # type: ignore[union-attr]
     subprocess.Popen(
         ["sh", "-c", f"read -r line; kill -s KILL -- -{group}"],
         stdin=subprocess.PIPE,
@@ -200,11 +205,13 @@ def _kill_with_this_process(client: NotebookClient) -> None:
 
 
 def end_with(process: int) -> None:
-    """End this process when another, make, has ended without waiting for it."""
+    """End this process when another, make, has ended without waiting for it, even if nobody has waited for make."""
 
     def watch() -> None:
         with suppress(psutil.NoSuchProcess):
-            psutil.Process(process).wait()
+            make = psutil.Process(process)
+            while make.is_running() and make.status() != psutil.STATUS_ZOMBIE:
+                time.sleep(0.5)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

@@ -19,22 +19,20 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.records import records_are_simulated, write_csv
+from replication.records import records_are_simulated
 from workbook.outcomes import (
     OUTPUT_FOLDER,
     RESULTS,
     Cells,
     Claims,
     Numbers,
-    Sentence,
     cell_rows,
     claim_rows,
     load_outcomes,
+    save_outcome,
     source_of,
 )
 
-VERDICT_COLUMNS = ["id", "printed", "published", "reproduced", "low", "high", "agreement"]
-VERDICT_COLUMNS += ["source", "resolution", "reason", "notebook"]
 AGREEMENTS = ("agrees", "differs", "not tested")
 SOURCES = {
     "recomputed": "our search, on the authors' clean records with uniform noise of Table 2's amplitudes",
@@ -61,8 +59,6 @@ def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
 
 def resolution(cell: str, ours: float, low: float, high: float) -> str:
     """Rule 4, in words: "-4.3 % to +2.4 %"; of an SD factors: "1/4.3 to 21 times"; of a number about zero, its ends."""
-    if not math.isfinite(low) or not math.isfinite(ours):
-        return ""
     if math.isinf(high):
         return "anything above"
     if cell.endswith(".sd"):
@@ -73,28 +69,23 @@ def resolution(cell: str, ours: float, low: float, high: float) -> str:
     return f"{ends[0]:+.2g} % to {ends[1]:+.2g} %"
 
 
-def judge_rows(ours: pd.DataFrame) -> pd.DataFrame:
-    """Compare rows of `id, source, numbers, notebook` with the printed numbers: `VERDICT_COLUMNS`."""
-    rows = ours.to_dict("records")
-    judged = [row | _judge(row["id"], row["source"], row["numbers"]) for row in rows]
-    return pd.DataFrame(judged, columns=VERDICT_COLUMNS)
-
-
-def _judge(cell: str, source: str, numbers: Numbers) -> dict[str, Any]:
-    row = published.cells().loc[cell]
-    source = row["source"] if row["source"] in NOT_TESTED else source
-    value, reason = float(row["value"]), row["reason"]
-    pooled = [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
-    ours, (low, high) = float(np.median(pooled)), interval(cell, numbers)
+def judge_number(id: str, source: str, numbers: Numbers, notebook: str = "") -> dict[str, Any]:
+    """Compare ours with one printed number: a row of `verdicts.csv`."""
+    printed = published.cells().loc[id]
+    value, reason = float(printed["value"]), printed["reason"]
+    low, high = interval(id, numbers)
+    ours = float(numbers) if not isinstance(numbers, Mapping) else math.nan
     if isinstance(numbers, Mapping):
-        alone = [interval(cell, {name: each}) for name, each in numbers.items()]
+        pooled = [*chain(*numbers.values())]
+        ours = float(np.median(pooled))
+        alone = [interval(id, {name: each}) for name, each in numbers.items()]
         if np.isfinite(alone).all():
             agreeing = sum(start <= value <= end for start, end in alone)
             reason += f"; agrees under {agreeing} of {len(alone)} settings alone"
         below = sum(number < value for number in pooled)
         reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
     agreement = "not tested"
-    if source in NOT_TESTED:
+    if printed["source"] in NOT_TESTED:  # whatever an outcome says
         pass
     elif not math.isfinite(ours):
         reason = "no notebook computed it"
@@ -104,25 +95,20 @@ def _judge(cell: str, source: str, numbers: Numbers) -> dict[str, Any]:
         agreement = "agrees"
     else:
         agreement = "differs"
-        reason = f"{row['known_difference'] or 'no explanation known'}; {reason}"
+        reason = f"{printed['known_difference'] or 'no explanation known'}; {reason}"
     return {
-        "printed": row["printed"],
+        "id": id,
+        "printed": printed["printed"],
         "published": value,
         "reproduced": ours,
         "low": low,
         "high": high,
         "agreement": agreement,
         "source": source,
-        "resolution": "" if agreement == "not tested" else resolution(cell, ours, low, high),
+        "resolution": "" if agreement == "not tested" else resolution(id, ours, low, high),
         "reason": reason,
+        "notebook": notebook,
     }
-
-
-def exported(results: Path, what: str, columns: list[str]) -> pd.DataFrame:
-    """Rows of "cells" or "claims" that the notebooks exported, with the notebook's name."""
-    outcomes = load_outcomes(results)
-    rows = [row | {"notebook": name} for name, each in outcomes.items() for row in each[what]]
-    return pd.DataFrame(rows, columns=[*columns, "notebook"], dtype=object)
 
 
 def verdicts(results: Path) -> pd.DataFrame:
@@ -133,49 +119,37 @@ def verdicts(results: Path) -> pd.DataFrame:
     ValueError
         Two notebooks export the same number.
     """
-    cells = published.cells().index
-    ours = pd.DataFrame({"numbers": np.nan, "notebook": ""}, cells, dtype=object)
-    ours["source"] = [source_of(cell) for cell in cells]
-    made = exported(results, "cells", ["id", "source", "numbers"]).set_index("id")
-    if not made.index.is_unique:
-        twice = made.index[made.index.duplicated()]
-        raise ValueError(f"{', '.join(twice)}: exported by two notebooks")
-    ours.update(made)
-    ours.update(pd.Series(published.derived_numbers(), name="numbers", dtype=object))
-    return judge_rows(ours.reset_index())
+    ours = {
+        cell: {"id": cell, "source": source_of(cell), "numbers": math.nan}
+        for cell in published.cells().index
+    }
+    for name, outcome in load_outcomes(results).items():
+        for row in outcome["cells"]:
+            if "notebook" in ours[row["id"]]:
+                raise ValueError(f"{row['id']}: exported by two notebooks")
+            ours[row["id"]] = row | {"notebook": name}
+    for cell, number in published.derived_numbers().items():
+        ours[cell]["numbers"] = number
+    return pd.DataFrame([judge_number(**row) for row in ours.values()])
 
 
-def decide(claims: pd.DataFrame) -> pd.DataFrame:
-    """Decisions on claims, of rows with `holds`, as verdicts in words."""
-    verdict = [CLAIM_VERDICTS[holds] for holds in claims.get("holds", [])]
-    decided = claims.drop(columns="holds", errors="ignore")
-    return decided.assign(verdict=np.array(verdict, dtype=object))
-
-
-def decided_claims(results: Path) -> pd.DataFrame:
+def claims(results: Path) -> pd.DataFrame:
     """The paper's claims in words with their verdicts: `id, claim, section, verdict, measured, notebook`.
 
     Of a claim that no notebook can decide, `claims.csv` says why: it is undecided.
     """
-    claims = published.table("claims").reset_index()[["id", "claim", "section", "untested"]]
-    decisions = decide(exported(results, "claims", ["id", "holds", "measured"]))
-    table = claims.merge(decisions, on="id", how="left")
-    untested = table.pop("untested").replace("", "no notebook decided it")
-    table["measured"] = table["measured"].fillna(untested)
-    table = table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""})
-    return table[["id", "claim", "section", "verdict", "measured", "notebook"]]
-
-
-def collect(results: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write `verdicts.csv` and `claims.csv` from the outcomes; return both."""
-    judged, claims = verdicts(results), decided_claims(results)
-    write_csv(results / "verdicts.csv", judged)
-    write_csv(results / "claims.csv", claims)
-    return judged, claims
+    untested = published.table("claims")["untested"].replace("", "no notebook decided it")
+    table = published.table("claims")[["claim", "section"]]
+    table = table.assign(verdict=CLAIM_VERDICTS[None], measured=untested, notebook="")
+    for name, outcome in load_outcomes(results).items():
+        for row in outcome["claims"]:
+            decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]
+            table.loc[row["id"], ["verdict", "measured", "notebook"]] = decided
+    return table.reset_index()
 
 
 def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
-    """Compare our numbers and decisions, as `workbook.export` takes them, with the printed ones.
+    """Compare our numbers and decisions, as `workbook.verdict` takes them, with the printed ones.
 
     Returns
     -------
@@ -184,36 +158,48 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
         interval that a printed number must lie in to agree; the committed number, which is ours
         where this run makes what is committed; and the verdict.
     """
-    numbers = judge_rows(pd.DataFrame(cell_rows(cells or {})).assign(notebook=""))
-    decisions = decide(pd.DataFrame(claim_rows(claims or {})))
-    table = pd.concat(
-        [
-            numbers.rename(columns={"reproduced": "ours", "agreement": "verdict"}).astype(object),
-            decisions.rename(columns={"measured": "ours"}).astype(object),
-        ]
-    )
+    numbers = [judge_number(**row) for row in cell_rows(cells or {})]
+    rows = [each | {"ours": each["reproduced"], "verdict": each["agreement"]} for each in numbers]
+    rows += [
+        {"id": row["id"], "ours": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]}
+        for row in claim_rows(claims or {})
+    ]
+    shown = ["id", "printed", "ours", "low", "high", "committed", "verdict"]
+    table = pd.DataFrame(rows, columns=shown, dtype=object).set_index("id")
     table["committed"] = table["ours"]
     if records_are_simulated() or not OUTPUT_FOLDER:
         kept = pd.read_csv(RESULTS / "verdicts.csv", index_col="id")["reproduced"]
         claimed = pd.read_csv(RESULTS / "claims.csv", index_col="id")["measured"]
-        table["committed"] = table["id"].map(pd.concat([kept.astype(object), claimed]))
-    shown = ["printed", "ours", "low", "high", "committed", "verdict"]
-    table = table.set_index("id")[shown].fillna("")
-    return table.map(lambda value: f"{value:.5g}" if isinstance(value, float) else str(value))
+        table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
+    return table.fillna("").map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
 
 
-def verdict(text: str, cells: Cells | None = None, claims: Claims | None = None) -> None:
-    """Show how this run's numbers compare, as `judge` does, and a sentence on them.
+def verdict(
+    text: str,
+    cells: Cells | None = None,
+    claims: Claims | None = None,
+    facts: Mapping[str, object] | None = None,
+    tables: Mapping[str, pd.DataFrame] | None = None,
+) -> None:
+    """Show how this run's numbers compare, as `judge` does, and a sentence on them; export them for the report.
 
     Parameters
     ----------
     text : str
         A sentence in Markdown, made of this run's numbers alone.
-    cells, claims : mappings
-        As `workbook.export` takes them.
+    cells : mapping of str to float, or to a mapping of str to floats
+        Our number for each printed number, by its id in `cells.csv`; or its realisations by setting.
+    claims : mapping of str to (bool or None, str)
+        Whether each claim of `claims.csv` holds, None if that is undecided, and what was measured.
+    facts : mapping of str to str or int
+        Numbers as the report's sentences write them, by the names that they have there. One that
+        is not there (nan) is no fact.
+    tables : mapping of str to DataFrame
+        Written to `results/NAME.csv` with six significant digits.
     """
-    from IPython.display import display
+    from IPython.display import Markdown, display
 
     if cells or claims:
         display(judge(cells, claims))
-    display(Sentence(text))
+    display(Markdown(text))
+    save_outcome(cells or {}, claims or {}, facts or {}, tables or {})

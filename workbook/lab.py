@@ -7,7 +7,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.records import ROOT, write_text
-from workbook.outcomes import NOTEBOOKS, notebook_files
+from workbook.outcomes import NOTEBOOKS, notebook_sources
 
 LAB = ROOT / "lab"
 # JupyterLab is not to ask for news and updates.
@@ -20,12 +20,13 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
     A copy is signed: JupyterLab shows no drawing and runs no script of a notebook that it does not trust.
     """
     kept, notary = [], NotebookNotary()
-    for file in notebook_files("ipynb").values():
-        copy = folder / file.relative_to(NOTEBOOKS)
+    for source in notebook_sources().values():
+        executed = source.with_suffix(".ipynb")
+        copy = folder / executed.relative_to(NOTEBOOKS)
         if copy.exists():
             kept.append(copy)
             continue
-        notebook = nbformat.read(file, as_version=4)
+        notebook = nbformat.read(executed, as_version=4)
         for cell in notebook.cells:
             ask_for_answer(cell)
         notebook.metadata["jupytext"] = {"formats": "ipynb"}  # no source is paired with it
@@ -39,15 +40,9 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
 
 
 def ask_for_answer(cell: nbformat.NotebookNode) -> None:
-    """Leave of a solution the comment that it begins with, and of the check of an answer no output."""
+    """Leave nothing of a solution, and of the check of an answer no output."""
     tags = cell.metadata.get("tags", [])
     if "solution" in tags:
-        comments = []
-        for line in cell.source.splitlines():
-            if not line.startswith("#"):
-                break
-            comments.append(line)
-        cell.source = "\n".join([*(comments or ["# Your answer:"]), "..."])
-        cell.metadata = nbformat.from_dict({"tags": ["answer"]})
+        cell.source, cell.metadata = "# Your answer:\n...", {}
     if {"solution", "check"}.intersection(tags):
         cell.outputs, cell.execution_count = [], None

@@ -1,25 +1,21 @@
-"""A notebook's parameters: what they may be, and pictures that they move."""
+"""What a student may change: a notebook's parameters, and the answers to its exercises."""
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from importlib.util import find_spec
 from numbers import Integral, Real
-from typing import Any, NamedTuple
+from typing import Any
+
+import numpy as np
 
 from replication.records import UserError
-from workbook.outcomes import OUTPUT_FOLDER
 
 
 class ParameterError(UserError, ValueError):
     """A value that a parameter may not have."""
 
 
-class Interval(NamedTuple):
-    """Numbers from `low` to `high`; whole ones are those of a `range`."""
-
-    low: float
-    high: float = math.inf
+def _is_number(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def check_parameters(**parameters: tuple[Any, Any]) -> None:
@@ -28,8 +24,8 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
     Parameters
     ----------
     **parameters : (value, allowed)
-        A parameter's value, and what it may be: an `Interval` of numbers, a `range` of whole numbers,
-        a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
+        A parameter's value, and what it may be: `(low, high)` for numbers between two ends, a `range`
+        of whole numbers, a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
         with an item or more, `[allowed, []]` for one that may be empty, `{name: allowed}` for a
         mapping with some of these names.
 
@@ -45,8 +41,35 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
     workbook.parameters.ParameterError: seed = 1.5: it should be a whole number from 1 to 999
     """
     for name, (value, allowed) in parameters.items():
-        if not _is_allowed(value, allowed):
-            raise ParameterError(f"{name} = {value!r}: it should be {_describe(allowed)}")
+        _check(name, value, allowed)
+
+
+def _check(name: str, value: Any, allowed: Any) -> None:
+    match allowed:
+        case list():
+            words = "a list" if len(allowed) > 1 else "a list with an item or more"
+            is_list = isinstance(value, Sequence) and not isinstance(value, str)
+            is_allowed = is_list and (len(value) > 0 or len(allowed) > 1)
+            for position, item in enumerate(value if is_allowed else []):
+                _check(f"{name}[{position}]", item, allowed[0])
+        case dict():
+            words = "a mapping of some of " + ", ".join(map(repr, allowed))
+            is_allowed = isinstance(value, Mapping) and set(value) <= set(allowed)
+            for key, item in value.items() if is_allowed else ():
+                _check(f"{name}[{key!r}]", item, allowed[key])
+        case range():
+            words = f"a whole number from {allowed[0]} to {allowed[-1]}"
+            is_allowed = isinstance(value, Integral) and _is_number(value) and value in allowed
+        case (low, high) if _is_number(low):
+            words = f"a number from {low:g} to {high:g}"
+            is_allowed = _is_number(value) and low <= value <= high
+        case _:
+            words = "one of " + ", ".join(
+                "a function" if each is callable else repr(each) for each in allowed
+            )
+            is_allowed = value in allowed or (callable in allowed and callable(value))
+    if not is_allowed:
+        raise ParameterError(f"{name} = {value!r}: it should be {words}")
 
 
 @contextmanager
@@ -58,54 +81,26 @@ def explain(name: str, value: object) -> Iterator[None]:
         raise ParameterError(f"{name} = {value!r}: {error}") from error
 
 
-def _is_allowed(value: Any, allowed: Any) -> bool:
-    match allowed:
-        case Interval():
-            is_number = isinstance(value, Real) and not isinstance(value, bool)
-            return is_number and allowed.low <= value <= allowed.high
-        case range():
-            return isinstance(value, Integral) and value in allowed and not isinstance(value, bool)
-        case [each, *or_empty] if isinstance(allowed, list):
-            is_list = isinstance(value, list | tuple | range) and (len(value) > 0 or bool(or_empty))
-            return is_list and all(_is_allowed(item, each) for item in value)
-        case dict():
-            is_mapping = isinstance(value, Mapping) and set(value) <= set(allowed)
-            return is_mapping and all(_is_allowed(value[key], allowed[key]) for key in value)
-        case _:
-            return value in allowed or (callable in allowed and callable(value))
+def check_answer(answer: Any, expected: Any, **tolerance: Any) -> None:
+    """Print "right", "not yet", or which part of an answer is no number.
 
-
-def _describe(allowed: Any) -> str:
-    match allowed:
-        case Interval(low, high):
-            return f"a number from {low:g}" + (f" to {high:g}" if math.isfinite(high) else " on")
-        case range():
-            return f"a whole number from {allowed[0]} to {allowed[-1]}"
-        case [each, *_] if isinstance(allowed, list):
-            return f"a list, each item {_describe(each)}"
-        case dict():
-            return "a mapping of " + "; ".join(f"{k!r}: {_describe(v)}" for k, v in allowed.items())
-        case _:
-            return "one of " + ", ".join(
-                "a function" if each is callable else repr(each) for each in allowed
-            )
-
-
-def sliders(draw: Callable[..., None], **ranges: tuple[float, float, float]) -> None:
-    """Draw a picture, and below it, by hand in JupyterLab, the same with a slider for each argument.
-
-    A range holds an argument's first value and its ends. The picture that is drawn without sliders
-    stays in the saved notebook.
+    Parameters
+    ----------
+    answer : number or numbers
+        nan stands for no answer yet.
+    expected : number, numbers or function
+        What is right, within a tolerance; or a condition of a number.
+    **tolerance : float
+        `rtol` or `atol` of `numpy.allclose`.
     """
-    draw(**{name: first for name, (first, _, _) in ranges.items()})
-    if OUTPUT_FOLDER or not find_spec("ipywidgets"):
+    given = np.array(answer, dtype=object)
+    if wrong := [each for each in given.flat if not _is_number(each)]:
+        print(f"not yet: {wrong[0]!r} is not a number")
         return
-    from ipywidgets import FloatSlider, interact
-
-    made = {
-        name: FloatSlider(
-            first, min=low, max=high, step=(high - low) / 100, continuous_update=False
-        )
-        for name, (first, low, high) in ranges.items()
-    }
-    interact(draw, **made)
+    numbers = given.astype(float)[()]
+    is_right = given.shape == np.shape(expected) and not np.isnan(numbers).any()
+    if is_right and callable(expected):
+        is_right = expected(numbers)
+    elif is_right:
+        is_right = np.allclose(numbers, expected, **tolerance)
+    print("right" if is_right else "not yet")

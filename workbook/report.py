@@ -4,6 +4,7 @@ import html
 import math
 import re
 from collections import ChainMap
+from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.records import write_text
+from replication.records import write_csv, write_text
 from workbook import evidence, judging
 from workbook.outcomes import RESULTS, load_outcomes
 
@@ -59,11 +60,10 @@ def span(numbers: Any, form: str) -> str:
 
 def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval, why` it differs."""
-    about = published.cells()[["element", "row", "column", "unit"]]
-    table = verdicts.fillna({"resolution": "", "notebook": ""}).join(about, on="id")
+    about = published.cells()[["element", "row", "column", "known_difference"]]
+    table = verdicts.join(about, on="id")
     table["name"] = [_name(*row) for row in table[["element", "row", "column"]].to_numpy()]
-    known = published.cells().loc[table["id"], "known_difference"].to_numpy()
-    table["why"] = np.where(known == "", "no explanation known", known)
+    table["why"] = table["known_difference"].replace("", "no explanation known")
     table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
     table["interval"] = [_interval(row) for row in table.itertuples()]
     return table
@@ -82,12 +82,10 @@ def _interval(row: Any) -> str:
     return " to ".join(like_printed(end, row.printed) for end in (row.low, row.high))
 
 
-def count_by(cells: pd.DataFrame, key: str) -> pd.DataFrame:
-    """Count printed numbers by agreement, and by "element" or "source"."""
-    counts = pd.crosstab(cells[key], cells["agreement"])
-    order = judging.SOURCES if key == "source" else cells["element"].unique()
-    named = [name for name in order if name in counts.index]
-    return counts.reindex(index=named, columns=judging.AGREEMENTS, fill_value=0)
+def count_by(cells: pd.DataFrame, key: str, order: Iterable[str]) -> pd.DataFrame:
+    """Count printed numbers by agreement, and by "element" or "source", in an order that may end in "all"."""
+    counts = pd.crosstab(cells[key], cells["agreement"], margins=True, margins_name="all")
+    return counts.reindex(index=[*order], columns=judging.AGREEMENTS, fill_value=0)
 
 
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -104,31 +102,22 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
 
 
 def describe_hardware() -> dict[str, Any]:
-    """What the sensor says of public logs of real joints: how many, how many refused, and why most of them."""
+    """What the sensor says of public logs of real joints: how many it refuses, and why, the usual reason first."""
     logs = pd.read_csv(RESULTS / "hardware.csv")
-    refused = logs[logs["verdict"] == "cannot tell"]
-    reasons = refused["reason"].value_counts()
-    return {
-        "logs": len(logs),
-        "refused": len(refused),
-        "reason": reasons.index[0] if len(reasons) else "",
-        "with_reason": reasons.max() if len(reasons) else 0,
-    }
+    reasons = logs.loc[logs["verdict"] == "cannot tell", "reason"].value_counts()
+    return {"logs": len(logs), "refused": reasons.sum(), "reasons": [*reasons.items()]}
 
 
-def describe(results: Path) -> dict[str, Any]:
-    """Write the verdicts and the claims of a results folder; return everything that the template names."""
-    verdicts, claims = judging.collect(results)
+def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
+    """Everything that the template names: of verdicts, of claims, and of the facts in a folder of results."""
     cells = describe_cells(verdicts)
-    by_element = count_by(cells, "element")
-    by_element.loc["all"] = by_element.sum()
     return {
         "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
         "cells": cells.to_dict("records"),
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.set_index("id").to_dict("index"),
-        "by_element": by_element,
-        "by_source": count_by(cells, "source"),
+        "by_element": count_by(cells, "element", [*cells["element"].unique(), "all"]),
+        "by_source": count_by(cells, "source", judging.SOURCES),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
         "evidence": evidence.table2_evidence(table2.read_realisations()),
@@ -161,7 +150,10 @@ def write_report(results: Path, readme: Path | None = None) -> Path:
 
     Its first section goes into a README, too, between the marks of the status.
     """
-    template, described = load_template(), describe(results)
+    verdicts, claims = judging.verdicts(results), judging.claims(results)
+    write_csv(results / "verdicts.csv", verdicts)
+    write_csv(results / "claims.csv", claims)
+    template, described = load_template(), describe(verdicts, claims, results)
     path = results / "report.md"
     write_text(path, template.render(described, up="../"))
     if readme:

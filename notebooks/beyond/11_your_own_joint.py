@@ -70,7 +70,6 @@ import backlash
 import workbook
 from backlash import plots
 from replication import bench, joint
-from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -93,12 +92,12 @@ workbook.check_parameters(
     my_log=(my_log, (my_log,)),  # reading it says what is wrong with it
     my_settings=(my_settings, (my_settings,)),
     bench_seed=(bench_seed, range(0, 10**6)),
-    backlash_mrad=(backlash_mrad, Interval(0, 5)),
-    friction_share=(friction_share, Interval(0, 2)),
-    gravity_given=(gravity_given, Interval(0.1, 10)),
+    backlash_mrad=(backlash_mrad, (0, 5)),
+    friction_share=(friction_share, (0, 2)),
+    gravity_given=(gravity_given, (0.1, 10)),
     calibration_levels=(calibration_levels, range(6, 101)),
     log_turns=(log_turns, range(4, 41)),
-    limit_mrad=(limit_mrad, Interval(0.01, 10)),
+    limit_mrad=(limit_mrad, (0.01, 10)),
 )
 
 # %% [markdown]
@@ -246,9 +245,6 @@ workbook.verdict(
     + (f", and answers: {'; '.join(answered)}." if answered else ".")
 )
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export()
-
 # %% [markdown]
 # ## Try changing
 #
@@ -282,7 +278,9 @@ if by_torque.backlash_rad and again.backlash_rad:
 print("with the inertia ratio the log tells gravity, too")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(0.96 * (1 + gravity_percent / 100), 1, atol=1e-3) else "not yet")
+workbook.check_answer(
+    gravity_percent, lambda percent: np.isclose(0.96 * (1 + percent / 100), 1, atol=1e-3)
+)
 
 # %% [markdown]
 # **2.** A pure sine of 21 Hz is sampled at 84 Hz. How much of its peak can the largest sample miss
@@ -294,7 +292,7 @@ print(f"{most_missed_percent:.1f} %; at 500 Hz {100 * (1 - np.cos(np.pi * 21 / 5
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 nearest = np.cos(np.pi / 4)  # four samples a period
-print("right" if np.isclose(1 - most_missed_percent / 100, nearest, atol=1e-3) else "not yet")
+workbook.check_answer(most_missed_percent, 100 * (1 - nearest), atol=0.1)
 
 # %% [markdown]
 # **3.** The trend's line is $\delta(t) = a + b t$, $t$ in days from its origin (`wear.line` has $a$
@@ -307,8 +305,9 @@ limit_days = (limit_rad - level) / growth
 print(f"{limit_days:.0f} days; a smaller slope moves the crossing further than a larger one")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-at_limit = np.polyval(wear.line[::-1], limit_days)
-print("right" if np.isclose(at_limit, limit_rad, rtol=2e-3) else "not yet")
+workbook.check_answer(
+    limit_days, lambda days: np.isclose(np.polyval(wear.line[::-1], days), limit_rad, rtol=2e-3)
+)
 
 # %% [markdown]
 # **What you have learnt**: the torque or a calibration makes a backlash of the index, and a sensor

@@ -46,8 +46,8 @@ realisations = [1, 2]  # of the noise
 workbook.check_parameters(
     bench_seed=(bench_seed, range(0, 2**31)),
     benches=(benches, range(1, 1001)),
-    backlash_mrad=(backlash_mrad, workbook.Interval(0.1, 5)),
-    gain_factor=(gain_factor, workbook.Interval(0.3, 2)),
+    backlash_mrad=(backlash_mrad, (0.1, 5)),
+    gain_factor=(gain_factor, (0.3, 2)),
     levels=(levels, [range(2, 12)]),
     realisations=(realisations, [range(1, 6)]),
 )
@@ -272,9 +272,6 @@ workbook.verdict(
     f"the known joint by {mean_mrad['joint known']} mrad ({times['joint known']} times its bound)."
 )
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export()
-
 # %% [markdown]
 # ## Try changing
 #
@@ -299,7 +296,7 @@ print(f"{bound:.4f}: sigma sqrt(2 / n)")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 sine = np.sin(2 * np.pi * 5 * np.arange(2000) / 2000)
-print("right" if np.isclose(bound, 0.1 / np.linalg.norm(sine), rtol=0.02) else "not yet")
+workbook.check_answer(bound, 0.1 / np.linalg.norm(sine), rtol=0.02)
 
 # %% [markdown]
 # **2.** A second unknown widens the bound by $1 / \sqrt{1 - \rho^2}$, with the cosine $\rho$ between
@@ -311,7 +308,7 @@ rho = J[:, 0] @ J[:, 1] / np.prod(np.linalg.norm(J, axis=0))
 print(f"{rho:.2f}: both SDs grow in proportion to sigma")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(1 - rho**2, (sds[0] / sds[1]) ** 2, atol=0.01) else "not yet")
+workbook.check_answer(rho, lambda x: np.isclose(1 - x**2, (sds[0] / sds[1]) ** 2, atol=0.01))
 
 # %% [markdown]
 # **3.** The bound above is that of the mean of eleven turns. How many turns (`turns_needed`) does a
@@ -321,7 +318,7 @@ print("right" if np.isclose(1 - rho**2, (sds[0] / sds[1]) ** 2, atol=0.01) else 
 turns_needed = 44  # each turn tells as much as another: four times as many
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(np.sqrt(11 / turns_needed), 0.5, rtol=0.01) else "not yet")
+workbook.check_answer(turns_needed, lambda turns: np.isclose(np.sqrt(11 / turns), 0.5, rtol=0.01))
 
 # %% [markdown]
 # **What you have learnt**: unknowns that act alike widen an interval; a bound says how good an

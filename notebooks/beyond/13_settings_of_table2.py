@@ -28,7 +28,7 @@
 # these settings produced the table, the printed score is as likely as any other of its row. So the sum of the ten
 # printed scores is ranked among 20 000 sums of scores drawn row by row. The *pooled bias* is the mean over ten rows of
 # mean $A$ over theoretical $A$, less 1; its $p$ is two-sided among 20 000 tables drawn row by row. All three $p$ are
-# `evidence.weigh`'s.
+# `evidence.p_values`'s.
 
 # %%
 import numpy as np
@@ -50,7 +50,7 @@ criteria = {}  # a limit to try instead of that of claims.csv, such as {"random_
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    most=(most, range(2, 1001)), criteria=(criteria, {"random_start": workbook.Interval(0, 1)})
+    most=(most, range(2, 1001)), criteria=(criteria, {"random_start": (0, 1)})
 )
 
 # %% [markdown]
@@ -99,7 +99,7 @@ basins
 # %%
 kept = table2.read_realisations()
 used = kept[kept["realisation"] <= most]
-by_name = {name: evidence.weigh(part) for name, part in used.groupby("protocol", sort=False)}
+by_name = {name: evidence.p_values(part) for name, part in used.groupby("protocol", sort=False)}
 judged = pd.DataFrame(by_name).T
 judged.insert(0, "tables", used.groupby("protocol")["realisation"].nunique())
 judged["drawn_start"] = evidence.starts_drawn(
@@ -111,7 +111,7 @@ judged.round(4)
 # All settings with the whole record together, and the printed bias:
 
 # %%
-together = evidence.weigh(used[~evidence.starts_drawn(used)])
+together = evidence.p_values(used[~evidence.starts_drawn(used)])
 printed_bias = float(evidence.bias_percent(evidence.printed_table().means)[0])
 pd.Series(together | {"printed bias [%]": printed_bias}).round(4)
 
@@ -158,19 +158,13 @@ workbook.verdict(
     f"{100 * level:g} %; excluded: {'; '.join(excluded) or 'none'}. Together, those with the whole record have p = "
     f"{together['p_means']:.2f} for the means and {together['p_sds']:.2f} for the SDs. {prediction_finding}.",
     claims=claims,
-)
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(
     facts={
         "stored_runs": len(ended),
         "stored_best": basins["runs"].iloc[0],
         "replayed": same_end.sum(),
-        "replayed_same_count": same_count.sum(),
-        "replay_apart": (ended.loc[same_end, "difference_rps"].max(), ".0e"),
+        "replay_apart": f"{ended.loc[same_end, 'difference_rps'].max():.0e}",
         "prediction_finding": prediction_finding,
     },
-    claims=claims,
 )
 
 # %% [markdown]
@@ -195,7 +189,7 @@ print(f"{fewest}; for 99 % {round(2 / (1 - 0.99)) - 1}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 finite = [k for k in range(2, 60) if np.isfinite(table2.prediction_interval(np.arange(k))).all()]
-print("right" if fewest == min(finite) else "not yet")
+workbook.check_answer(fewest, min(finite), rtol=0)
 
 # %% [markdown]
 # **2.** If a search that is not the authors' ended each run in one of the four stored basins with the stored shares,
@@ -208,7 +202,7 @@ print(f"{power_of_ten:.1f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 runs = basins["runs"].to_numpy()
-print("right" if abs(power_of_ten - runs @ np.log10(runs / runs.sum())) < 1 else "not yet")
+workbook.check_answer(power_of_ten, runs @ np.log10(runs / runs.sum()), rtol=0, atol=1)
 
 # %% [markdown]
 # **3.** Suppose that all settings were right. How probable is it (`one_excluded`, to 0.01) that at least one is
@@ -219,7 +213,7 @@ one_excluded = 1 - 0.99 ** len(judged)
 print(f"{one_excluded:.2f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if np.isclose(1 - one_excluded, 0.99 ** len(judged), atol=0.01) else "not yet")
+workbook.check_answer(one_excluded, 1 - 0.99 ** len(judged), atol=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a seed fixes a run only with its library; settings can be excluded by the tables that they

@@ -35,7 +35,6 @@ from replication.records import (
 )
 from studies import claims as studies
 from studies import edge, optimizers
-from workbook import Interval
 
 # %% [markdown]
 # ## Parameters
@@ -60,9 +59,9 @@ workbook.check_parameters(
     turns=(turns, [range(1, 25)]),
     mountings=(mountings, range(1, 1001)),
     bits=(bits, [range(8, 33)]),
-    frictions=(frictions, [Interval(1e-4, 0.9)]),
-    steps_s=(steps_s, [Interval(1e-6, 5e-4)]),
-    criteria=(criteria, dict.fromkeys(published.table("claims").index, Interval(0))),
+    frictions=(frictions, [(1e-4, 0.9)]),
+    steps_s=(steps_s, [(1e-6, 5e-4)]),
+    criteria=(criteria, dict.fromkeys(published.table("claims").index, (0, np.inf))),
 )
 workbook.check_parameters(**{"different turns": (len(set(turns)), range(2, 25))})
 
@@ -359,9 +358,6 @@ workbook.verdict(
     claims=claims,
 )
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export(claims=claims)
-
 # %% [markdown]
 # ## Try changing
 #
@@ -389,8 +385,13 @@ noises_needed = repeats[0.73 * factor < 1][0]
 print(f"{noises_needed}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-fewer, enough = (stats.f.ppf(0.975, n, n) for n in (noises_needed - 1, noises_needed))
-print("right" if 0.73 * np.sqrt(enough) < 1 <= 0.73 * np.sqrt(fewer) else "not yet")
+
+
+def is_told(n):
+    return 0.73 * np.sqrt(stats.f.ppf(0.975, n, n)) < 1
+
+
+workbook.check_answer(noises_needed, lambda n: is_told(n) and not is_told(n - 1))
 
 # %% [markdown]
 # **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records
@@ -402,7 +403,7 @@ records_needed = int(np.ceil(np.log(0.025) / np.log(0.95)))
 print(f"{records_needed}: 0.95^{records_needed} = {0.95**records_needed:.4f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if 0.95**records_needed <= 0.025 < 0.95 ** (records_needed - 1) else "not yet")
+workbook.check_answer(records_needed, lambda n: 0.95**n <= 0.025 < 0.95 ** (n - 1))
 
 # %% [markdown]
 # **3.** A position of $b$ bits, differenced over 2 ms, gives a speed in steps of
@@ -418,7 +419,7 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if 2.0**-bits_needed < 0.0009 * 0.002 < 2.0 ** (1 - bits_needed) else "not yet")
+workbook.check_answer(bits_needed, lambda b: 2.0**-b < 0.0009 * 0.002 < 2.0 ** (1 - b))
 
 # %% [markdown]
 # **What you have learnt**: a sentence becomes a claim by a check, a limit, and an answer that would

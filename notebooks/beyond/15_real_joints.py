@@ -55,8 +55,7 @@ known_gravity = 1.0  # factor on the gravity that the sensor is given
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 logs = hardware.list_logs()
 workbook.check_parameters(
-    makes=(makes, [tuple(logs["make"].unique())]),
-    known_gravity=(known_gravity, workbook.Interval(0.01, 100)),
+    makes=(makes, [tuple(logs["make"].unique())]), known_gravity=(known_gravity, (0.01, 100))
 )
 
 # %% [markdown]
@@ -124,9 +123,6 @@ workbook.verdict(
     "twelve times at constant speed, with speed and torque logged at 500 Hz."
 )
 
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.export()
-
 # %% [markdown]
 # ## Try changing
 #
@@ -151,7 +147,7 @@ print(f"up to {highest_percent:.0f} %; of joints that were refused it says nothi
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 high = stats.binomtest(0, joints).proportion_ci().high
-print("right" if abs(highest_percent - 100 * high) < 1 else "not yet")
+workbook.check_answer(highest_percent, 100 * high, rtol=0, atol=1)
 
 # %% [markdown]
 # **2.** The loss $\ell$ of a log has the SD `loss_sd`. How many logs (`sure`) have a loss that
@@ -162,7 +158,7 @@ sure = sum((rigid["loss"] / rigid["loss_sd"]).abs() > 3)
 print(f"{sure}; a gear gains no torque: something else changes its sign with the speed")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if sure == len(rigid.query("abs(loss) > 3 * loss_sd")) else "not yet")
+workbook.check_answer(sure, len(rigid.query("abs(loss) > 3 * loss_sd")), rtol=0)
 
 # %% [markdown]
 # **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. How large is $\delta$ at
@@ -173,7 +169,7 @@ half_play_mrad = 1e3 * (0.15 * 3.14159 / 180) / 2
 print(f"{half_play_mrad:.2f} mrad")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-print("right" if abs(half_play_mrad - 1.309) < 0.013 else "not yet")
+workbook.check_answer(half_play_mrad, 1.309, rtol=0, atol=0.013)
 
 # %% [markdown]
 # **What you have learnt**: a sensor can only be tested on logs that it could judge.

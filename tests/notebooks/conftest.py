@@ -1,5 +1,6 @@
 import io
 import re
+from contextlib import redirect_stdout
 from copy import deepcopy
 
 import IPython.display
@@ -20,13 +21,10 @@ class Running:
         matplotlib.use("Agg")
         monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
         self.verdicts, self.printed, self.parameters = [], io.StringIO(), parameters
-        self.names = {
-            "display": lambda *shown: None,
-            "print": lambda *text, **how: print(*text, **how, file=self.printed),
-        }
+        self.names = {"display": lambda *shown, **how: None}
         monkeypatch.setattr(workbook, "verdict", lambda text, *_, **__: self.verdicts.append(text))
-        monkeypatch.setattr(IPython.display, "display", lambda *shown: None)
-        monkeypatch.setattr(workbook, "flipbook", lambda *drawn, **options: None)
+        monkeypatch.setattr(IPython.display, "display", lambda *shown, **how: None)
+        monkeypatch.setattr(workbook, "flipbook", lambda *drawn: None)
         (source,) = (ROOT / "notebooks").glob(f"**/{name}*.py")
         cells = jupytext.read(source).cells
         self.cells = [cell for cell in cells if cell.cell_type == "code"]
@@ -34,7 +32,8 @@ class Running:
     def execute(self, cell):
         """Run a cell; return what it printed."""
         start = self.printed.tell()
-        exec(cell.source, self.names)
+        with redirect_stdout(self.printed):
+            exec(cell.source, self.names)
         if "parameters" in cell.metadata.get("tags", []):
             assert set(self.parameters) <= set(self.names), "no such parameter"
             self.names |= self.parameters
@@ -56,7 +55,7 @@ def run_notebook(monkeypatch):
 
 @pytest.fixture
 def answer_exercises(monkeypatch):
-    """Run a lab copy; returns what each check says of no answer, of the solution, and of 1.5 times the solution."""
+    """Run a lab copy; returns what each check says of no answer, the solution, 1.5 times the solution, and a text."""
 
     def run(name, **parameters):
         running, said = Running(monkeypatch, name, parameters), []
@@ -77,7 +76,9 @@ def answer_exercises(monkeypatch):
                 right = running.names[answer]
                 of_solution = running.execute(cell)
                 running.names[answer] = np.multiply(1.5, right)
-                said.append([blank, of_solution, running.execute(cell)])
+                of_wrong = running.execute(cell)
+                running.names[answer] = "one"
+                said.append([blank, of_solution, of_wrong, running.execute(cell)])
                 running.names[answer] = right
             else:
                 running.execute(cell)

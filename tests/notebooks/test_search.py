@@ -51,7 +51,7 @@ def test_with_thirty_members_the_records_that_no_run_solves_are_counted(run_note
     ("name", "parameters", "words"),
     [
         ("06", {"left_out": [1, 2, 3, 4, 5, 6]}, "rows in left_out = 6"),
-        ("06", {"changes": {"K_s/J_l": 10}}, "changes = "),
+        ("06", {"changes": {"K_s/J_l": 10}}, "changes['K_s/J_l'] = 10"),
         ("07", {"population": 3}, "population = 3"),
         ("07", {"box": {"t0": (0.1,)}}, "box = {'t0': (0.1,)}"),
         ("07", {"box": {"t0": (0.2, 0.1)}}, "box = {'t0': (0.2, 0.1)}"),
@@ -63,7 +63,7 @@ def test_with_thirty_members_the_records_that_no_run_solves_are_counted(run_note
         ),
         ("07", {"optimiser": max}, "optimiser = 'max'"),
         ("09", {"measure_mrad": 0.5}, "measure_mrad = 0.5"),
-        ("08", {"public": [6]}, "public = [6]"),
+        ("08", {"public": [6]}, "public[0] = 6"),
         ("08", {"runs_each": 1}, "runs_each = 1"),
     ],
 )

@@ -1,6 +1,8 @@
 """Notebooks in a project of their own, and a real browser where one is installed."""
 
+import os
 import shutil
+from unittest import mock
 
 import pytest
 
@@ -17,7 +19,8 @@ def project(tmp_path):
             (tmp_path / "notebooks" / f"{name}.py").write_text(text, "utf-8")
         return tmp_path
 
-    return write
+    with mock.patch.dict(os.environ):  # which a run changes
+        yield write
 
 
 @pytest.fixture(scope="session")

@@ -6,10 +6,10 @@ import sys
 import pytest
 
 from workbook import ROOT
-from workbook.outcomes import notebook_files
+from workbook.outcomes import notebook_sources
 
 pytestmark = pytest.mark.slow
-NOTEBOOKS = [*notebook_files("ipynb")]
+NOTEBOOKS = [*notebook_sources()]
 PAGES = ("results/report", f"notebooks/{NOTEBOOKS[0]}", f"notebooks/{NOTEBOOKS[5]}")
 DRAWN = "[...document.images].every(image => image.complete && image.naturalWidth > 0)"
 

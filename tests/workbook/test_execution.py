@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 
-import jupytext
 import nbformat
 import psutil
 import pytest
@@ -21,7 +20,8 @@ repeats = 30
 import sys
 import pandas as pd
 import workbook
-workbook.export(tables={"small": pd.DataFrame({"repeats": [repeats]})}, cells={"text.runs": repeats})
+table = pd.DataFrame({"repeats": [repeats]})
+workbook.verdict("Thirty.", cells={"text.runs": repeats}, tables={"small": table})
 print("a bar of progress", file=sys.stderr)
 print("done")
 """
@@ -49,7 +49,8 @@ def test_a_run_leaves_the_executed_notebook_and_what_it_exports_the_same_bytes_e
     assert list(first) == LEFT
     assert (folder / ".make" / "small.ran").exists()
     notebook = nbformat.read(folder / LEFT[0], as_version=4)
-    assert [output.text for output in notebook.cells[1].outputs] == ["done\n"]
+    outputs = notebook.cells[1].outputs
+    assert [each.get("text") for each in outputs if each.output_type == "stream"] == ["done\n"]
     execution.run(small(folder))
     assert made_in(folder) == first
 
@@ -89,9 +90,9 @@ results.mkdir()
 @pytest.mark.parametrize(
     ("ending", "says", "timeout_s"),
     [
-        ("1 / 0", r"small\.py, cell 2: ZeroDivisionError: division by zero", 900),
-        ("import time\ntime.sleep(60)", r"small\.py, cell 2: no end after 0\.05 minutes", 3),
-        ("os._exit(1)", r"small\.py, cell 2: the kernel died", 900),
+        ("1 / 0", r"small\.py, code cell 2: ZeroDivisionError: division by zero", 900),
+        ("import time\ntime.sleep(60)", r"small\.py, code cell 2: .*timed out", 3),
+        ("os._exit(1)", r"small\.py, code cell 2: Kernel died", 900),
     ],
 )
 def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
@@ -109,19 +110,44 @@ def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
     assert not (folder / ".make" / "small.ran").exists()
 
 
-def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
-    folder = project(small=GOOD)
-    notebook = jupytext.read(small(folder))
-    nbformat.write(notebook, folder / LEFT[0])
-    execution.refuse_edited(small(folder))
-    notebook.cells[0].source = "repeats = 31"
-    nbformat.write(notebook, folder / LEFT[0])
-    edited = made_in(folder)
-    with pytest.raises(UserError, match=r"edited after small\.py, and left as it is"):
+def test_a_full_disk_is_said_in_one_line(project, monkeypatch):
+    def write(*_):
+        raise OSError(28, "No space left on device")
+
+    folder = project(small="# %%\n1\n")
+    monkeypatch.setattr(nbformat, "write", write)
+    with pytest.raises(execution.NotebookFailed, match=r"^small\.py: .* No space left .*\.make$"):
         execution.run(small(folder))
-    assert made_in(folder) == edited
-    later = (folder / LEFT[0]).stat().st_mtime_ns + 10**9
-    os.utime(small(folder), ns=(later, later))  # now the source is the newer one
+    assert made_in(folder) == {}
+
+
+def test_a_kernel_that_cannot_start_is_said_in_one_line(project, capfd):
+    folder = project(small="# %%\n1\n")
+    profile = folder / ".make" / "settings" / "IPYTHONDIR" / "profile_default"
+    profile.parent.mkdir(parents=True)
+    profile.touch()  # which is a folder's place
+    with pytest.raises(execution.NotebookFailed, match=r"Kernel died .*profile_default") as failed:
+        execution.run(small(folder))
+    assert "\n" not in str(failed.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
+    folder = project(small="# %%\nrepeats = 30\n")
+    execution.run(small(folder))
+    small(folder).write_text("# %%\nrepeats = 31\n", "utf-8")
+    execution.run(small(folder))  # a change of the source alone is none of the executed notebook
+    executed = folder / LEFT[0]
+    notebook = nbformat.read(executed, as_version=4)
+    notebook.cells[0].source = "repeats = 32"
+    nbformat.write(notebook, executed)
+    edited = made_in(folder)
+    for clock in (0, 2**31):  # whatever file seems to be the newer one
+        os.utime(executed, (clock, clock))
+        with pytest.raises(UserError, match=r"small\.ipynb: edited, and left as it is"):
+            execution.run(small(folder))
+        assert made_in(folder) == edited
+    small(folder).write_text("# %%\nrepeats = 32\n", "utf-8")  # taken over
     execution.refuse_edited(small(folder))
 
 
@@ -192,10 +218,10 @@ def test_a_killed_make_leaves_no_process_and_no_half_file_and_the_next_one_goes_
     wait_until(lambda: pids.exists() and len(pids.read_text().split()) == 3, 100)
     wait_until((folder / ".make" / "small.ran").exists, 100)
     started = [process.pid for process in psutil.Process(make.pid).children(recursive=True)]
-    make.kill()
-    make.wait()
+    make.kill()  # and nobody waits for it
     everything = {*started, *map(int, pids.read_text().split())}
     wait_until(lambda: not everything.intersection(psutil.pids()), 10)
+    make.wait()
     assert [name for name in LEFT if name in made_in(folder)] == LEFT
     assert not (folder / "notebooks" / "long.ipynb").exists()
     (folder / "notebooks" / "long.py").write_text("# %%\nprint(1)\n", "utf-8")
@@ -223,6 +249,7 @@ def start_make(folder):
     (folder / ".venv").mkdir(exist_ok=True)
     for made in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.made"):
         (folder / made).touch()
+    os.utime(folder / ".make" / "report.made", (2**32, 2**32))  # the report is our own project's
     command = ["make", "all", "PACKAGES=", "BEYOND=", f"PY={sys.executable}"]
     command += [f"STAMPS={' '.join(f'.make/{name}.ran' for name in names)}"]
     environment = {name: value for name, value in os.environ.items() if name != "BACKLASH_DATA"}

@@ -27,7 +27,7 @@ BOUNDS = {"text.error_limit_percent", "text.error_rad_small", "text.error_rad_la
 
 
 def judged(cell, numbers):
-    return judging.judge_rows(pd.DataFrame(cell_rows({cell: numbers})).assign(notebook="")).iloc[0]
+    return judging.judge_number(**cell_rows({cell: numbers})[0])
 
 
 def agreement(cell, numbers):
@@ -113,7 +113,7 @@ def test_a_number_that_two_notebooks_export_is_refused(tmp_path):
 
 
 def test_a_claim_that_no_notebook_decides_is_undecided_and_says_why(tmp_path):
-    claims = judging.decided_claims(tmp_path).set_index("id")
+    claims = judging.claims(tmp_path).set_index("id")
     assert claims.loc["full_robot", "verdict"] == "undecided"
     assert "never published" in claims.loc["full_robot", "measured"]
 
@@ -164,7 +164,9 @@ def test_what_is_not_tested_is_a_stand_in_or_taken_over_and_says_so_whatever_its
     for cell in untested:
         assert CELLS.loc[cell, "reason"] != ""
         for factor in (1.0, 2.0):
-            assert agreement(cell, factor * published.value(cell) + factor) == "not tested"
+            number = factor * published.value(cell) + factor
+            assert agreement(cell, number) == "not tested"
+            assert judging.judge_number(cell, "recomputed", number)["agreement"] == "not tested"
 
 
 def test_every_number_that_follows_from_others_is_derived_and_no_other():

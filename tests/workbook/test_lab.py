@@ -7,7 +7,7 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from workbook import lab
 
-SOLUTION = "# Give `A`, the amplitude.\n\nA = 1.0\nassert A == 1"
+SOLUTION = "A = 1.0\nprint(A)"
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def copies(tmp_path, monkeypatch):
     monkeypatch.setenv("JUPYTER_DATA_DIR", str(tmp_path / "signatures"))
     monkeypatch.setattr(lab, "NOTEBOOKS", tmp_path / "notebooks")
     executed = tmp_path / "notebooks" / "00_first.ipynb"
-    monkeypatch.setattr(lab, "notebook_files", lambda ending: {"00_first": executed})
+    monkeypatch.setattr(lab, "notebook_sources", lambda: {"00_first": executed.with_suffix(".py")})
     printed = [new_output("stream", text="right")]
     cells = [
         new_code_cell(SOLUTION, metadata={"tags": ["solution"]}, outputs=printed),
@@ -31,7 +31,7 @@ def copies(tmp_path, monkeypatch):
 
 def test_a_solution_becomes_a_question_and_its_check_stays_without_an_answer(copies):
     asked, check, other = nbformat.read(copies / "00_first.ipynb", as_version=4).cells
-    assert asked.source == "# Give `A`, the amplitude.\n..."
+    assert asked.source == "# Your answer:\n..."
     assert check.source == "print('right')"
     assert [len(cell.outputs) for cell in (asked, check, other)] == [0, 0, 1]
 

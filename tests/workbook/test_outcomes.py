@@ -1,4 +1,4 @@
-"""A notebook's verdict: this run's numbers beside the printed and the committed ones."""
+"""A notebook's verdict: this run's numbers beside the printed and the committed ones, and what the report gets."""
 
 import json
 
@@ -43,28 +43,31 @@ def test_a_claim_is_shown_with_what_was_measured(holds, said):
     assert (row["ours"], row["verdict"]) == ("a slope of 1", said)
 
 
-def test_the_outcome_holds_numbers_decisions_and_facts_without_what_differs_between_runs(
-    tmp_path, monkeypatch
-):
-    monkeypatch.setattr(outcomes, "OUTPUT_FOLDER", str(tmp_path))
-    monkeypatch.setenv("REPLICATION_NOTEBOOK", "small")
-    workbook.export(
+def export(folder):
+    workbook.verdict(
+        "A sentence.",
         cells={CELL: 1 / 3},
         claims={"monotone": (True, "it is")},
-        facts={"count": 3, "error": ([2.04, float("nan"), 1.0], ".1f")},
+        facts={"count": 3, "error": f"{float('nan'):+.1f}"},
         tables={"small": pd.DataFrame({"x": [1 / 3]})},
     )
-    outcome = json.loads((tmp_path / "results" / "outcomes" / "small.json").read_text("utf-8"))
+    return {path.name: path.read_text("utf-8") for path in folder.rglob("*.*")}
+
+
+def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
+    monkeypatch.setattr(outcomes, "OUTPUT_FOLDER", str(tmp_path))
+    monkeypatch.setenv("REPLICATION_NOTEBOOK", "small")
+    made = export(tmp_path)
+    outcome = json.loads(made["small.json"])
     assert outcome["cells"][0]["numbers"] == 0.333333
     assert outcome["claims"] == [{"id": "monotone", "holds": True, "measured": "it is"}]
-    assert outcome["facts"] == {"count": "3", "error_low": "1.0", "error_high": "2.0"}
-    assert (tmp_path / "results" / "small.csv").read_text("utf-8") == "x\n0.333333\n"
+    assert outcome["facts"] == {"count": "3"}
+    assert made["small.csv"] == "x\n0.333333\n"
 
 
 def test_by_hand_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    workbook.export(cells={CELL: 1.0}, tables={"small": pd.DataFrame({"x": [1]})})
-    assert not list(tmp_path.rglob("*"))
+    assert export(tmp_path) == {}
 
 
 def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path):

@@ -5,7 +5,6 @@ import pandas as pd
 
 import workbook
 from replication import published
-from replication.records import LOW_NOISE
 from workbook import judging
 
 RESULTS = workbook.ROOT / "results"
@@ -26,12 +25,6 @@ def test_every_claim_is_decided_and_every_verdict_has_its_reason():
     assert claims["measured"].notna().all()
     assert set(VERDICTS["agreement"]) == set(judging.AGREEMENTS)
     assert VERDICTS["reason"].notna().all()
-
-
-def test_table_2_has_thirty_runs_on_each_of_ten_rows_and_five_realisations():
-    assert (TABLE2["runs"] == published.value("text.runs")).all()
-    expected = {(R, row) for R in LOW_NOISE for row in range(1, 11)}
-    assert set(TABLE2[["realisation", "row"]].itertuples(index=False, name=None)) == expected
 
 
 def test_frozen_numbers_the_lowest_rmse_solutions_are_as_far_from_the_printed_means_as_ever():
