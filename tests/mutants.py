@@ -3,13 +3,15 @@
     .venv/bin/python -m tests.mutants --seed 1 --count 100
 
 Each mutant has one operator, comparison, index or constant changed, in a copy of the project. It is killed if the tests
-of its module fail, else those of its package. Survivors are listed; the exit status is 1 if more than a tenth survive.
+of its module fail, else those that import it, else the others of its package. Survivors are listed; the exit status is 1 if more than a tenth survive.
 """
 
 import argparse
 import ast
 import importlib
+import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -46,8 +48,10 @@ OPERATORS = {
     ast.Eq: ("==", "!="),
     ast.NotEq: ("!=", "=="),
 }
+# In the copy: how long each file of tests takes, and what numba has compiled.
+TIMES, COMPILED = "times.json", "compiled"
 # A mutant that loops for ever is killed, too.
-TIMEOUT_S = 600
+TIMEOUT_S = 300
 
 
 class Mutant(NamedTuple):
@@ -121,36 +125,56 @@ def drawn_mutants(seed: int, count: int, patterns: tuple[str, ...]) -> list[Muta
     return Random(seed).sample(mutants, min(count, len(mutants)))
 
 
-def test_targets(file: str) -> list[list[str]]:
-    """Tests to run one after the other until one fails: those of the module, then those of its package."""
-    package = Path(file).parts[0]
-    paths = (ROOT / "tests" / package).rglob("test_*.py")
-    own = [str(path.relative_to(ROOT)) for path in paths if path.stem == f"test_{Path(file).stem}"]
-    return [own, [f"tests/{package}"]] if own else [[f"tests/{package}"]]
+def test_stages(file: str, copy: Path) -> list[list[str]]:
+    """Tests of a package in three stages: of that name, of those that import the module, and the rest; fastest first."""
+    package, name = Path(file).parts[0], Path(file).stem
+    times = json.loads((copy / TIMES).read_text())
+    stages: list[list[str]] = [[], [], []]
+    for path in sorted(times, key=times.get):
+        if path.startswith(f"tests/{package}/"):
+            source = (copy / path).read_text()
+            imports = re.search(rf"^(from|import) .*\b{name}\b", source, re.MULTILINE)
+            stages[0 if Path(path).stem == f"test_{name}" else 1 if imports else 2].append(path)
+    return [stage for stage in stages if stage]
 
 
-def run_tests(copy: Path, tests: list[str]) -> None:
+class Times:
+    """Pytest's plugin that keeps how long each file's tests take, without what is compiled for them once."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        file = report.nodeid.partition("::")[0]
+        self.seconds[file] = self.seconds.get(file, 0.0) + report.duration
+
+
+def run_tests(copy: Path, tests: list[str], cache: str, has_mutant: bool) -> None:
     """Run tests in this process, and end it with pytest's status."""
     import numba
 
-    # A file's compiled functions are kept, and made again when it has changed; no function is another file's.
-    numba.config.CACHE_DIR = str(copy / ".numba")
+    numba.config.CACHE_DIR = str(copy / cache)
     for variable in ("BACKLASH_DATA", "PAPER_TEXT", "HARDWARE_LOGS"):
         os.environ.pop(variable, None)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "LOKY_MAX_CPU_COUNT": "1"}
     os.chdir(copy)
     sys.path.insert(0, str(copy))
     sys.modules.pop("tests", None)
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
-    sys.dont_write_bytecode = True
-    os._exit(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", *tests]))
+    sys.dont_write_bytecode = has_mutant
+    times = Times()
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
+    status = pytest.main([*options, *tests], [times])
+    if not has_mutant:
+        (copy / TIMES).write_text(json.dumps(times.seconds))
+    os._exit(status)
 
 
-def passes(copy: Path, tests: list[str]) -> bool:
+def passes(copy: Path, tests: list[str], cache: str, has_mutant: bool = True) -> bool:
     """Whether tests pass in a copy of the project, as a new user has it; False if they take for ever."""
-    process = get_context("fork").Process(target=run_tests, args=(copy, tests))
+    process = get_context("fork").Process(target=run_tests, args=(copy, tests, cache, has_mutant))
     process.start()
     process.join(TIMEOUT_S)
     process.kill()
@@ -161,12 +185,17 @@ def passes(copy: Path, tests: list[str]) -> bool:
 def is_killed(mutant: Mutant, copy: Path) -> bool:
     """Whether a test fails in a copy of the project with this mutant."""
     path = copy / mutant.file
-    source = path.read_bytes()
+    source, status = path.read_bytes(), path.stat()
     path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
+    # What numba has compiled of other files serves; what it compiles of this one goes.
+    shutil.copytree(copy / COMPILED, copy / "mutants")
     try:
-        return not all(passes(copy, tests) for tests in test_targets(mutant.file))
+        stages = test_stages(mutant.file, copy)
+        return not all(passes(copy, tests, "mutants") for tests in stages)
     finally:
+        shutil.rmtree(copy / "mutants")
         path.write_bytes(source)
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
 def main() -> int:
@@ -192,9 +221,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "project"
         shutil.copytree(ROOT, copy, ignore=NOT_COPIED)
-        for package in sorted({Path(mutant.file).parts[0] for mutant in mutants}):
-            if not passes(copy, [f"tests/{package}"]):
-                sys.exit(f"tests/{package} fails without a mutant")
+        tests = sorted({f"tests/{Path(mutant.file).parts[0]}" for mutant in mutants})
+        for _ in range(2):  # the first time compiles, the second is timed
+            if not passes(copy, tests, COMPILED, has_mutant=False):
+                sys.exit(f"{' or '.join(tests)} fails without a mutant")
         for mutant in mutants:
             killed = is_killed(mutant, copy)
             survivors += [] if killed else [mutant]
