@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from joblib import parallel_config
 
 from replication import table2
 from replication.records import Recording, add_noise, constant_speed
@@ -40,6 +41,50 @@ def test_the_best_fit_is_no_worse_than_any_run_and_has_its_window_between_sample
     assert best.amplitude_rps == pytest.approx(0.6, rel=0.01)
     opening = (best.X.t0 + best.X.T1) / record.sample_s
     assert opening % 1 == pytest.approx(0.5) or best.X.T1 == 0
+
+
+def test_a_row_made_again_is_the_committed_one():
+    """Another kernel moves the mean by 2e-4 of it."""
+    kept = table2.read_realisations().set_index(["protocol", "row", "realisation"])
+    made = table2.realise(table2.NOTEBOOK, 1, 1)
+    key = [made.pop(name) for name in kept.index.names]
+    expected = kept.loc[tuple(key)]
+    assert made["mean_A_rps"] == pytest.approx(expected["mean_A_rps"], rel=1e-3)
+    assert made["sd_A_rps"] == pytest.approx(expected["sd_A_rps"], rel=5e-3)
+    assert made["best_basin_share"] == pytest.approx(expected["best_basin_share"], abs=1e-6)
+
+
+def test_the_realisations_that_are_kept_are_forty_of_each_row_and_setting():
+    kept = table2.read_realisations()
+    sizes = kept.groupby(["protocol", "row"]).size()
+    assert (sizes[sizes.index.get_level_values("row") <= 10] == 40).all()
+    assert (sizes[sizes.index.get_level_values("row") == 11] == 10).all()
+    assert len(sizes) == 10 * 11
+
+
+def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
+    made = []
+
+    def realise(settings, row, realisation):
+        made.append((settings.name, row, realisation))
+        return {"protocol": settings.name, "realisation": realisation, "row": row}
+
+    monkeypatch.setattr(table2, "realise", realise)
+    path = tmp_path / "table.csv"
+    with parallel_config("sequential"):
+        table2.make_realisations(path, 11)
+        table = pd.read_csv(path)
+        # Row 11 is made ten times.
+        assert len(made) == len(set(made)) == len(table) == 10 * (11 * 10 + 10)
+        table[1:-1].to_csv(path, index=False)
+        made.clear()
+        table2.make_realisations(path, 11)
+    missing = table.iloc[[0, -1]][["protocol", "row", "realisation"]]
+    assert made == list(missing.itertuples(index=False, name=None))
+    assert len(pd.read_csv(path)) == len(table)
+    # Where a row has fewer, so many of each are read.
+    table.drop(index=table.index[(table["row"] == 3)][-1]).to_csv(path, index=False)
+    assert table2.read_realisations(path)["realisation"].max() == 10
 
 
 def test_a_constant_record_has_no_best_fit():
