@@ -48,7 +48,7 @@ OPERATORS = {
     ast.Eq: ("==", "!="),
     ast.NotEq: ("!=", "=="),
 }
-# In the copy: how long each file of tests takes, and what numba has compiled.
+# In the copy: how long each test takes, and what numba has compiled.
 TIMES, COMPILED = "times.json", "compiled"
 # A mutant that loops for ever is killed, too.
 TIMEOUT_S = 300
@@ -126,27 +126,33 @@ def drawn_mutants(seed: int, count: int, patterns: tuple[str, ...]) -> list[Muta
 
 
 def test_stages(file: str, copy: Path) -> list[list[str]]:
-    """Tests of a package in three stages: of that name, of those that import the module, and the rest; fastest first."""
+    """Files of a package's tests in three stages: of that name, that import the module, the rest; fastest first."""
     package, name = Path(file).parts[0], Path(file).stem
-    times = json.loads((copy / TIMES).read_text())
+    seconds: dict[str, float] = {}
+    for test, duration in json.loads((copy / TIMES).read_text()).items():
+        path = test.partition("::")[0]
+        seconds[path] = seconds.get(path, 0.0) + duration
     stages: list[list[str]] = [[], [], []]
-    for path in sorted(times, key=times.get):
+    for path in sorted(seconds, key=seconds.__getitem__):
         if path.startswith(f"tests/{package}/"):
-            source = (copy / path).read_text()
-            imports = re.search(rf"^(from|import) .*\b{name}\b", source, re.MULTILINE)
+            imports = re.search(rf"^(from|import) .*\b{name}\b", (copy / path).read_text(), re.M)
             stages[0 if Path(path).stem == f"test_{name}" else 1 if imports else 2].append(path)
     return [stage for stage in stages if stage]
 
 
-class Times:
-    """Pytest's plugin that keeps how long each file's tests take, without what is compiled for them once."""
+class FastestFirst:
+    """Pytest's plugin: the fastest tests of each file come first, and their times are kept."""
 
-    def __init__(self) -> None:
+    def __init__(self, times: Path) -> None:
+        self.known = json.loads(times.read_text()) if times.exists() else {}
         self.seconds: dict[str, float] = {}
 
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        files = {item.path: place for place, item in reversed(list(enumerate(items)))}
+        items.sort(key=lambda item: (files[item.path], self.known.get(item.nodeid, 0.0)))
+
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        file = report.nodeid.partition("::")[0]
-        self.seconds[file] = self.seconds.get(file, 0.0) + report.duration
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
 
 
 def run_tests(copy: Path, tests: list[str], cache: str, has_mutant: bool) -> None:
@@ -164,11 +170,11 @@ def run_tests(copy: Path, tests: list[str], cache: str, has_mutant: bool) -> Non
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
     sys.dont_write_bytecode = has_mutant
-    times = Times()
+    first = FastestFirst(copy / TIMES)
     options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
-    status = pytest.main([*options, *tests], [times])
+    status = pytest.main([*options, *tests], [first])
     if not has_mutant:
-        (copy / TIMES).write_text(json.dumps(times.seconds))
+        (copy / TIMES).write_text(json.dumps(first.seconds))
     os._exit(status)
 
 

@@ -29,7 +29,10 @@ def test_a_polynomial_rises_first_where_its_slope_is_positive():
 
 
 def test_the_known_amplitude_is_interpolated_in_table_2():
-    levels, theoretical = characteristic.printed_levels_rad(), published.column("Table 2", "theoretical")
+    levels, theoretical = (
+        characteristic.printed_levels_rad(),
+        published.column("Table 2", "theoretical"),
+    )
     np.testing.assert_allclose(levels, np.arange(3e-4, 22e-4, 2e-4), rtol=1e-12)
     known = characteristic.known_amplitude_rps(0.25 * levels[3] + 0.75 * levels[4])
     assert known == pytest.approx(0.25 * theoretical[3] + 0.75 * theoretical[4])
