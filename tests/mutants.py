@@ -3,7 +3,8 @@
     .venv/bin/python -m tests.mutants --seed 1 --count 100
 
 Each mutant has one operator, comparison, index or constant changed, in a copy of the project. It is killed if the tests
-of its module fail, else those that import it, else the others of its package. Survivors are listed; the exit status is 1 if more than a tenth survive.
+of its module fail, else those that import it, else the others of its package. Survivors are listed; the exit status is
+1 if more than a tenth survive.
 """
 
 import argparse

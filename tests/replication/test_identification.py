@@ -1,4 +1,4 @@
-"""The joint is identified: by linear least squares where the model is linear, from simulated and from public records."""
+"""The joint is identified: where errors are linear as by linear least squares, from simulated and public records."""
 
 import json
 from dataclasses import replace
