@@ -51,8 +51,6 @@ OPERATORS = {
 }
 # In the copy: how long each test takes, and what numba has compiled.
 TIMES, COMPILED = "times.json", "compiled"
-# A mutant that loops for ever is killed, too.
-TIMEOUT_S = 300
 
 
 class Mutant(NamedTuple):
@@ -126,13 +124,19 @@ def drawn_mutants(seed: int, count: int, patterns: tuple[str, ...]) -> list[Muta
     return Random(seed).sample(mutants, min(count, len(mutants)))
 
 
-def test_stages(file: str, copy: Path) -> list[list[str]]:
-    """Files of a package's tests in three stages: of that name, that import the module, the rest; fastest first."""
-    package, name = Path(file).parts[0], Path(file).stem
+def seconds_by_file(copy: Path) -> dict[str, float]:
+    """How long each file's tests took without a mutant."""
     seconds: dict[str, float] = {}
     for test, duration in json.loads((copy / TIMES).read_text()).items():
         path = test.partition("::")[0]
         seconds[path] = seconds.get(path, 0.0) + duration
+    return seconds
+
+
+def test_stages(file: str, copy: Path) -> list[list[str]]:
+    """Files of a package's tests in three stages: of that name, that import the module, the rest; fastest first."""
+    package, name = Path(file).parts[0], Path(file).stem
+    seconds = seconds_by_file(copy)
     stages: list[list[str]] = [[], [], []]
     for path in sorted(seconds, key=seconds.__getitem__):
         if path.startswith(f"tests/{package}/"):
@@ -179,11 +183,13 @@ def run_tests(copy: Path, tests: list[str], cache: str, has_mutant: bool) -> Non
     os._exit(status)
 
 
-def passes(copy: Path, tests: list[str], cache: str, has_mutant: bool = True) -> bool:
-    """Whether tests pass in a copy of the project, as a new user has it; False if they take for ever."""
+def passes(
+    copy: Path, tests: list[str], cache: str, has_mutant: bool = True, limit_s: float | None = None
+) -> bool:
+    """Whether tests pass in a copy of the project, as a new user has it; False if they take longer than a limit."""
     process = get_context("fork").Process(target=run_tests, args=(copy, tests, cache, has_mutant))
     process.start()
-    process.join(TIMEOUT_S)
+    process.join(limit_s)
     process.kill()
     process.join()
     return process.exitcode in (0, pytest.ExitCode.NO_TESTS_COLLECTED)
@@ -197,8 +203,13 @@ def is_killed(mutant: Mutant, copy: Path) -> bool:
     # What numba has compiled of other files serves; what it compiles of this one goes.
     shutil.copytree(copy / COMPILED, copy / "mutants")
     try:
-        stages = test_stages(mutant.file, copy)
-        return not all(passes(copy, tests, "mutants") for tests in stages)
+        seconds = seconds_by_file(copy)
+        for tests in test_stages(mutant.file, copy):
+            # A mutant that loops for ever is killed, too; what it lets compile again takes some time.
+            limit_s = 60 + 5 * sum(seconds[path] for path in tests)
+            if not passes(copy, tests, "mutants", limit_s=limit_s):
+                return True
+        return False
     finally:
         shutil.rmtree(copy / "mutants")
         path.write_bytes(source)
