@@ -134,14 +134,15 @@ def seconds_by_file(copy: Path) -> dict[str, float]:
 
 
 def test_stages(file: str, copy: Path) -> list[list[str]]:
-    """Files of a package's tests in three stages: of that name, that import the module, the rest; fastest first."""
+    """Files of a package's tests in three stages: named after it, that import it, the rest; fastest first."""
     package, name = Path(file).parts[0], Path(file).stem
     seconds = seconds_by_file(copy)
     stages: list[list[str]] = [[], [], []]
     for path in sorted(seconds, key=seconds.__getitem__):
         if path.startswith(f"tests/{package}/"):
             imports = re.search(rf"^(from|import) .*\b{name}\b", (copy / path).read_text(), re.M)
-            stages[0 if Path(path).stem == f"test_{name}" else 1 if imports else 2].append(path)
+            is_own = Path(path).stem.startswith(f"test_{name}")
+            stages[0 if is_own else 1 if imports else 2].append(path)
     return [stage for stage in stages if stage]
 
 
