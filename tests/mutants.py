@@ -5,6 +5,14 @@
 Each mutant has one operator, comparison, index or constant changed, in a copy of the project. It is killed if the tests
 of its module fail, else those that import it, else the others of its package. Survivors are listed; the exit status is
 1 if more than a tenth survive.
+
+Survivors of these kinds are no holes, because they change nothing that is computed, or only how fast:
+
+- a comparison at a value that is not taken, or where both sides give the same: `way < 1` for -1 and 1, `>=` at a kink;
+- a guard against rounding where values are exact or far off: `+ 1e-9` before int(), the residual of a regula falsi;
+- how an end is reached and not which: the weights of the regula falsi, rough starting values, starts and finalists of a
+  search beyond those that it needs, the seed of a bootstrap;
+- sizes that have converged or suffice: steps of a grid, the most crossings in a step, a download's timeout.
 """
 
 import argparse

@@ -12,15 +12,6 @@ JOINT = identified_joint()
 TURN_RATE = TURN / JOINT.turn_period  # of the load [rad/s]
 
 
-def test_a_bench_without_spread_is_the_identified_joint_with_an_encoder():
-    none = bench.Spread(**dict.fromkeys(bench.Spread.__dataclass_fields__, 0.0))
-    drawn, noise_rps = bench.draw_bench(np.random.default_rng(1), none)
-    expected = ratios(JOINT) | {"lead": JOINT.turn_period}
-    assert ratios(drawn) == pytest.approx(expected)
-    assert TURN / drawn.encoder_step == 2 ** published.value("text.encoder_bits")
-    assert noise_rps == 0
-
-
 def largest_and_smallest(rows):
     """Each column's ends."""
     return pd.DataFrame(rows).agg(["max", "min"])
@@ -53,6 +44,8 @@ def test_benches_are_spread_as_said():
             }
         )
         assert [once.order, sixth.order, gear.order * joint.N] == [1, 6, 1]
+        assert joint.lead == joint.turn_period == JOINT.turn_period
+        assert TURN / joint.encoder_step == 2 ** published.value("text.encoder_bits")
     np.testing.assert_allclose(np.std(np.log(factors), axis=0), 0.05, rtol=0.1)
     np.testing.assert_allclose(np.mean(np.log(factors), axis=0), 0, atol=0.006)
     ends = largest_and_smallest(rows)

@@ -101,11 +101,6 @@ def test_the_simulated_motion_is_the_one_that_scipy_integrates(fields):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=5e-6 * uneven)
 
 
-def test_the_stiffness_is_half_at_the_edge_and_whole_outside():
-    assert K_BL(DELTA, DELTA, 2e4, 1e6) == pytest.approx(1e4, rel=1e-3)
-    np.testing.assert_allclose(K_BL(np.array([-1.0, 1.0]), DELTA, 2e4, 1e6), 2e4, rtol=1e-6)
-
-
 def test_the_stiffness_leaks_in_the_middle_of_the_gap():
     for alpha in (1e4, 1e5, 1e6):
         leak = 2 * 2e4 / (np.pi * alpha * DELTA)
