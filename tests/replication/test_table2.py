@@ -22,10 +22,9 @@ def make_record(noise_rps: float = 0.0) -> Recording:
     return add_noise(record, noise_rps, np.random.default_rng(1)) if noise_rps else record
 
 
-@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.LEADER], ids=lambda each: each.name)
-def test_the_best_of_three_runs_finds_the_signature_in_noise(settings):
+def test_the_best_of_three_runs_finds_the_signature_in_noise():
     record = make_record(0.1)
-    fits = [table2.fit(record, settings, seed) for seed in (1, 2, 3)]
+    fits = [table2.fit(record, table2.LEADER, seed) for seed in (1, 2, 3)]
     best = min(fits, key=lambda fit: fit.rmse)
     assert best.rmse <= rmse(record.t, record.v, TRUE)
     assert best.rmse == pytest.approx(rmse(record.t, record.v, best.X), rel=1e-9)
