@@ -185,6 +185,8 @@ def test_the_map_into_the_box_is_inverted_for_its_points():
     points = np.linspace(*box, 401)
     back = np.array([from_box(point, box) for point in points])
     np.testing.assert_allclose(into_box(back, box), points, atol=1e-12)
+    at_lower, at_upper = margins(box)  # no mirror image is given
+    assert ((back >= box.lower - at_lower) & (back <= box.upper + at_upper)).all()
     inner = np.all(np.abs(points) < 1.8, axis=1) & (points[:, 1] > 0.1)
     np.testing.assert_array_equal(back[inner], points[inner])
 
