@@ -169,6 +169,20 @@ def make_runs(errors_percent, share=1.0):
     return pd.DataFrame(rows).assign(delta_rad=0.0, noise_amplitude_rps=0.1)
 
 
+def test_table_2_is_made_of_ten_rows_for_each_realisation(monkeypatch):
+    monkeypatch.setattr(table2, "load_noisy", lambda level, R: (level, R))
+    keys, records = zip(*table2.table2_records([2, 5]), strict=True)
+    assert records == tuple((level, R) for R in (2, 5) for level in range(2, 12))
+    made = pd.DataFrame(keys)
+    levels, noise = 1e-4 * np.arange(3, 22, 2), published.column("Table 2", "noise")[:10]
+    np.testing.assert_allclose(made["delta_rad"], np.tile(levels, 2), rtol=1e-12)
+    assert made["noise_amplitude_rps"].tolist() == [*noise, *noise]
+    table = table2.table2(make_runs(5.0))
+    np.testing.assert_allclose(table["relative_error_percent"], 5, rtol=1e-9)
+    assert table["theoretical_A_rps"].tolist() == [*table2.theoretical_amplitudes().values()]
+    assert (table["basins"].tolist(), table["runs"].tolist()) == ([1] * 10, [20] * 10)
+
+
 @pytest.mark.parametrize(("error", "holds"), [(5, True), (-15, False), (9.5, None)])
 def test_an_error_below_ten_per_cent_is_decided_by_the_largest(error, holds):
     decided, words = table2.decide_error_below_10(make_runs([*[2.0] * 6, error, *[1.0] * 3]))
