@@ -11,7 +11,8 @@ Survivors of these kinds are no holes, because they change nothing that is compu
 - a comparison at a value that is not taken, or where both sides give the same: `way < 1` for -1 and 1, `>=` at a kink;
 - a guard against rounding where values are exact or far off: `+ 1e-9` before int(), the residual of a regula falsi;
 - how an end is reached and not which: the weights of the regula falsi, rough starting values, starts and finalists of a
-  search beyond those that it needs, the seed of a bootstrap;
+  search beyond those that it needs;
+- the sign, the seed and the number of draws of a symmetric noise or a bootstrap, and an index beside 0: `2 + 0`;
 - sizes that have converged or suffice: steps of a grid, the most crossings in a step, a download's timeout.
 """
 

@@ -120,8 +120,9 @@ def test_the_first_generation_is_drawn_about_the_middle_by_a_quarter_of_the_box(
 
 
 def test_a_square_below_zero_is_rounding():
-    steps = generations(sphere, UNIT, 1, 4, lambda C: (np.r_[-1.0, np.full(6, 4.0)], np.eye(7)))
-    np.testing.assert_allclose(next(steps).D, [2 * np.sqrt(1e-15), *[2] * 6], rtol=1e-12)
+    squares = np.array([-1.0, 1, 1, 1, 1, 1, 4])
+    steps = generations(sphere, UNIT, 1, 4, lambda C: (squares, np.eye(7)))
+    np.testing.assert_allclose(next(steps).D, [2 * np.sqrt(1e-15), *[1] * 5, 2], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
