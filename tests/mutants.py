@@ -3,13 +3,25 @@
     .venv/bin/python -m tests.mutants --seed 1 --count 100
 
 Each mutant has one operator, comparison, index or constant changed, in a copy of the project. It is killed if the tests
-of its module fail, else those of its package. Survivors are listed; the exit status is 1 if more than a tenth survive.
+of its module fail, else those that import it, else the others of its package. Survivors are listed; the exit status is
+1 if more than a tenth survive.
+
+Survivors of these kinds are no holes, because they change nothing that is computed, or only how fast:
+
+- a comparison at a value that is not taken, or where both sides give the same: `way < 1` for -1 and 1, `>=` at a kink;
+- a guard against rounding where values are exact or far off: `+ 1e-9` before int(), the residual of a regula falsi;
+- how an end is reached and not which: the weights of the regula falsi, rough starting values, starts and finalists of a
+  search beyond those that it needs;
+- the sign, the seed and the number of draws of a symmetric noise or a bootstrap, and an index beside 0: `2 + 0`;
+- sizes that have converged or suffice: steps of a grid, the most crossings in a step, a download's timeout.
 """
 
 import argparse
 import ast
 import importlib
+import json
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -46,8 +58,8 @@ OPERATORS = {
     ast.Eq: ("==", "!="),
     ast.NotEq: ("!=", "=="),
 }
-# A mutant that loops for ever is killed, too.
-TIMEOUT_S = 600
+# In the copy: how long each test takes, and what numba has compiled.
+TIMES, COMPILED = "times.json", "compiled"
 
 
 class Mutant(NamedTuple):
@@ -121,38 +133,73 @@ def drawn_mutants(seed: int, count: int, patterns: tuple[str, ...]) -> list[Muta
     return Random(seed).sample(mutants, min(count, len(mutants)))
 
 
-def test_targets(file: str) -> list[list[str]]:
-    """Tests to run one after the other until one fails: those of the module, then those of its package."""
-    package = Path(file).parts[0]
-    paths = (ROOT / "tests" / package).rglob("test_*.py")
-    own = [str(path.relative_to(ROOT)) for path in paths if path.stem == f"test_{Path(file).stem}"]
-    return [own, [f"tests/{package}"]] if own else [[f"tests/{package}"]]
+def seconds_by_file(copy: Path) -> dict[str, float]:
+    """How long each file's tests took without a mutant."""
+    seconds: dict[str, float] = {}
+    for test, duration in json.loads((copy / TIMES).read_text()).items():
+        path = test.partition("::")[0]
+        seconds[path] = seconds.get(path, 0.0) + duration
+    return seconds
 
 
-def run_tests(copy: Path, tests: list[str]) -> None:
+def test_stages(file: str, copy: Path) -> list[list[str]]:
+    """Files of a package's tests in three stages: named after it, that import it, the rest; fastest first."""
+    package, name = Path(file).parts[0], Path(file).stem
+    seconds = seconds_by_file(copy)
+    stages: list[list[str]] = [[], [], []]
+    for path in sorted(seconds, key=seconds.__getitem__):
+        if path.startswith(f"tests/{package}/"):
+            imports = re.search(rf"^(from|import) .*\b{name}\b", (copy / path).read_text(), re.M)
+            is_own = Path(path).stem.startswith(f"test_{name}")
+            stages[0 if is_own else 1 if imports else 2].append(path)
+    return [stage for stage in stages if stage]
+
+
+class FastestFirst:
+    """Pytest's plugin: the fastest tests of each file come first, and their times are kept."""
+
+    def __init__(self, times: Path) -> None:
+        self.known = json.loads(times.read_text()) if times.exists() else {}
+        self.seconds: dict[str, float] = {}
+
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        files = {item.path: place for place, item in reversed(list(enumerate(items)))}
+        items.sort(key=lambda item: (files[item.path], self.known.get(item.nodeid, 0.0)))
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+
+
+def run_tests(copy: Path, tests: list[str], cache: str, has_mutant: bool) -> None:
     """Run tests in this process, and end it with pytest's status."""
     import numba
 
-    # A file's compiled functions are kept, and made again when it has changed; no function is another file's.
-    numba.config.CACHE_DIR = str(copy / ".numba")
+    numba.config.CACHE_DIR = str(copy / cache)
     for variable in ("BACKLASH_DATA", "PAPER_TEXT", "HARDWARE_LOGS"):
         os.environ.pop(variable, None)
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "LOKY_MAX_CPU_COUNT": "1"}
     os.chdir(copy)
     sys.path.insert(0, str(copy))
     sys.modules.pop("tests", None)
     with Path(os.devnull).open("w") as nowhere:
         os.dup2(nowhere.fileno(), 1)
         os.dup2(nowhere.fileno(), 2)
-    sys.dont_write_bytecode = True
-    os._exit(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", *tests]))
+    sys.dont_write_bytecode = has_mutant
+    first = FastestFirst(copy / TIMES)
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
+    status = pytest.main([*options, *tests], [first])
+    if not has_mutant:
+        (copy / TIMES).write_text(json.dumps(first.seconds))
+    os._exit(status)
 
 
-def passes(copy: Path, tests: list[str]) -> bool:
-    """Whether tests pass in a copy of the project, as a new user has it; False if they take for ever."""
-    process = get_context("fork").Process(target=run_tests, args=(copy, tests))
+def passes(
+    copy: Path, tests: list[str], cache: str, has_mutant: bool = True, limit_s: float | None = None
+) -> bool:
+    """Whether tests pass in a copy of the project, as a new user has it; False if they take longer than a limit."""
+    process = get_context("fork").Process(target=run_tests, args=(copy, tests, cache, has_mutant))
     process.start()
-    process.join(TIMEOUT_S)
+    process.join(limit_s)
     process.kill()
     process.join()
     return process.exitcode in (0, pytest.ExitCode.NO_TESTS_COLLECTED)
@@ -161,12 +208,22 @@ def passes(copy: Path, tests: list[str]) -> bool:
 def is_killed(mutant: Mutant, copy: Path) -> bool:
     """Whether a test fails in a copy of the project with this mutant."""
     path = copy / mutant.file
-    source = path.read_bytes()
+    source, status = path.read_bytes(), path.stat()
     path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
+    # What numba has compiled of other files serves; what it compiles of this one goes.
+    shutil.copytree(copy / COMPILED, copy / "mutants")
     try:
-        return not all(passes(copy, tests) for tests in test_targets(mutant.file))
+        seconds = seconds_by_file(copy)
+        for tests in test_stages(mutant.file, copy):
+            # A mutant that loops for ever is killed, too; what it lets compile again takes some time.
+            limit_s = 60 + 5 * sum(seconds[path] for path in tests)
+            if not passes(copy, tests, "mutants", limit_s=limit_s):
+                return True
+        return False
     finally:
+        shutil.rmtree(copy / "mutants")
         path.write_bytes(source)
+        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
 def main() -> int:
@@ -192,9 +249,9 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "project"
         shutil.copytree(ROOT, copy, ignore=NOT_COPIED)
-        for package in sorted({Path(mutant.file).parts[0] for mutant in mutants}):
-            if not passes(copy, [f"tests/{package}"]):
-                sys.exit(f"tests/{package} fails without a mutant")
+        tests = sorted({f"tests/{Path(mutant.file).parts[0]}" for mutant in mutants})
+        if not passes(copy, tests, COMPILED, has_mutant=False):
+            sys.exit(f"{' or '.join(tests)} fails without a mutant")
         for mutant in mutants:
             killed = is_killed(mutant, copy)
             survivors += [] if killed else [mutant]

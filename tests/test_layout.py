@@ -1,8 +1,7 @@
-"""Imports go one way: among the packages, their modules, and the paper's files in the order of reading."""
+"""Imports go one way: among the packages, and the paper's files in the order of reading."""
 
 import ast
 import builtins
-from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -52,14 +51,6 @@ def test_a_notebook_of_the_paper_imports_the_papers_package_and_the_workbook():
     for notebook in (ROOT / "notebooks").glob("[0-9]*.py"):
         packages = {name.partition(".")[0] for name in imported(notebook)}
         assert packages <= {"replication", "workbook"}, notebook.name
-
-
-def test_imports_among_modules_go_one_way(imports):
-    graph = {}
-    for module, names in imports.items():
-        names = names | {name.rpartition(".")[0] for name in names}
-        graph[module] = names & set(imports) - {module, *MAY_IMPORT}  # packages only open doors
-    TopologicalSorter(graph).prepare()
 
 
 def test_a_file_of_the_paper_imports_only_those_before_it(imports):

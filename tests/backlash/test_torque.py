@@ -209,3 +209,23 @@ def test_three_of_four_joints_are_answered_and_no_answer_is_wrong():
     answered, covered = np.sum(told, axis=0)
     assert answered >= 0.75 * len(told)
     assert covered >= 0.9 * answered
+
+
+def test_the_answer_of_a_known_log_is_the_known_one(answered):
+    """By whatever processor; a constant of the method that moves it by a millionth shows."""
+    assert answered.backlash_rad == pytest.approx(9.7489502e-4, rel=1e-6)
+    assert answered.backlash_interval_rad == pytest.approx((8.6774728e-4, 1.08204275e-3), rel=1e-6)
+    assert answered.chi_squared == pytest.approx(1.17331252, rel=1e-6)
+    joint = {
+        "stiffness_per_s2": (44877.195, 443.113652),
+        "damping_ratio": (0.0184408107, 0.00324833896),
+        "gravity_per_s2": (32.0154697, 0.721196938),
+        "inertia_ratio": (2.36380527, 0.215649048),
+        "motor_inertia": (0.0040629251, 0.0003346964),
+        "friction_share": (0.180431349, 0.000951039631),
+        "loss": (0.10199548, 0.00174468388),
+        "torque_delay_ms": (0.65185724, 0.643189464),
+        "speed_lag_ms": (0.59351997, 0.501631265),
+    }
+    for name, numbers in joint.items():
+        assert answered.joint[name] == pytest.approx(numbers, rel=1e-6)

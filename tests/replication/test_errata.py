@@ -45,6 +45,7 @@ def test_the_added_noise_is_not_gaussian(authors_data):
         noise = load_noisy(level, 1).v - load_clean(level).v
         assert stats.normaltest(noise).pvalue < 1e-6
         half = published.value(f"table2.row{level - 1:02d}.noise")
+        assert np.ptp(noise) / 2 == pytest.approx(half, rel=0.005)
         assert stats.kstest(noise, stats.uniform(-half, 2 * half).cdf).pvalue > 0.001
 
 

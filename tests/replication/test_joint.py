@@ -1,17 +1,104 @@
+"""Equations 8 and 9, the joint against SciPy, and what its record tells."""
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from replication.joint import K_BL, TURN, Wave, change, identified_joint, simulate, tau_l
+from replication.joint import (
+    K_BL,
+    TURN,
+    Run,
+    Wave,
+    change,
+    check,
+    from_ratios,
+    identified_joint,
+    ratios,
+    settled_peak,
+    simulate,
+    tau_l,
+)
 
 DELTA = 15e-4
 JOINT = identified_joint()
-FREE = JOINT._replace(K_pos=0.0, K_p=0.0, K_i=0.0, K_d=0.0, K_w=0.0, start_angle=0.0, lead=0.0)
 
 
-def test_the_stiffness_is_half_at_the_edge_and_whole_outside():
-    assert K_BL(DELTA, DELTA, 2e4, 1e6) == pytest.approx(1e4, rel=1e-3)
-    np.testing.assert_allclose(K_BL(np.array([-1.0, 1.0]), DELTA, 2e4, 1e6), 2e4, rtol=1e-6)
+def scipy_states(j, duration):
+    """States at the drive's periods, shape (5, periods): the equations, written anew, between them by SciPy."""
+
+    def contact(x, rate):
+        if j.clamped:
+            depth = abs(x) - DELTA
+            push = j.K_s * depth + j.D_s * rate * np.sign(x)
+            return np.sign(x) * max(push, 0) if depth > 0 else 0.0
+        arcs = np.arctan(j.alpha * (x - DELTA)) - np.arctan(j.alpha * (x + DELTA))
+        return (x - DELTA * np.sign(x) + j.D_s / j.K_s * rate) * j.K_s * (1 + arcs / np.pi)
+
+    def field(t, y, now, command):
+        theta_m, omega_m, theta_l, omega_l, torque = y
+        tau = contact(theta_m / j.N - theta_l, omega_m / j.N - omega_l)
+        load = j.G * np.sin(theta_l) + j.load_coulomb + j.load_viscous * omega_l
+        motor = j.motor_coulomb + j.motor_viscous * omega_m
+        for order, phase, on_motor, on_load in j.waves:
+            motor -= on_motor * np.sin(order * (theta_m - j.N * j.start_angle) + phase)
+            load -= on_load * np.sin(order * j.Omega * (now + t) + phase)
+        return (
+            omega_m,
+            ((torque if j.torque_lag else command) - tau / j.N - motor) / j.J_m,
+            omega_l,
+            (tau - load) / j.J_l,
+            (command - torque) / j.torque_lag if j.torque_lag else 0.0,
+        )
+
+    t = -j.lead + j.period * np.arange(round((j.lead + duration) / j.period) + 1)
+    angle = j.start_angle + j.Omega / j.N * t[0]
+    carried = j.G * np.sin(angle) + j.load_coulomb + j.load_viscous * j.Omega / j.N
+    twist = np.sign(carried) * DELTA + carried / j.K_s
+    torque = carried / j.N + j.motor_coulomb + j.motor_viscous * j.Omega
+    y = np.array([j.N * angle, j.Omega, angle - twist, j.Omega / j.N, torque])
+    queue, integral, w = [torque] * j.delay, torque, 0.0
+    last_speed, last_position, states = j.Omega, j.N * angle - j.Omega * j.period, []
+    for now in t:
+        position, speed = y[0], y[1]
+        if j.encoder_step:
+            position = np.floor(position / j.encoder_step) * j.encoder_step
+            speed = (position - last_position) / j.period
+        error = j.K_pos * (j.N * j.start_angle + j.Omega * now - position) + j.Omega - speed
+        integral += j.K_i * j.period * error
+        w += j.period * (j.Omega - speed - j.w_rate * w)
+        damping = j.K_d * (speed - last_speed) / j.period
+        queue.append(j.K_p * error + integral + j.K_w * w - damping)
+        last_speed, last_position = speed, position
+        command = queue.pop(0)
+        states.append(y.copy())
+        y[4] = y[4] if j.torque_lag else command
+        limits = {"rtol": 1e-10, "atol": 1e-11, "max_step": 2.5e-5}
+        y = solve_ivp(field, (0, j.period), y, "LSODA", args=(now, command), **limits).y[:, -1]
+    return t, np.transpose(states)
+
+
+WAVES = (Wave(0.3, 0.4, on_motor=0.02, on_load=0.5), Wave(1.5, 1.0, on_motor=-0.01))
+FRICTION = {"load_coulomb": 0.3, "load_viscous": 0.02, "motor_coulomb": 0.02, "motor_viscous": 1e-4}
+ENCODER = {"encoder_step": TURN / 2**19, "start_angle": np.pi + 0.15}
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"lead": 0.02, "D_s": 1.0, **FRICTION},
+        {"lead": 0.02, "clamped": True, "delay": 2, **ENCODER},
+        {"torque_lag": 0.0, "delay": 0, "K_d": 0.3 * JOINT.K_d, "waves": WAVES, **FRICTION},
+    ],
+    ids=["printed dead zone", "clamped dead zone and encoder", "waves"],
+)
+def test_the_simulated_motion_is_the_one_that_scipy_integrates(fields):
+    joint = JOINT._replace(**fields)
+    t, states = scipy_states(joint, 0.04)
+    run = simulate(joint, DELTA, 0.04, joint.period, 2.5e-5)
+    assert run.impacts.size == 1
+    for ours, theirs in zip(run[1:6], states[:, t > -1e-9], strict=True):
+        uneven = np.ptp(theirs - np.linspace(theirs[0], theirs[-1], theirs.size))
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=5e-6 * uneven)
 
 
 def test_the_stiffness_leaks_in_the_middle_of_the_gap():
@@ -33,86 +120,8 @@ def test_the_printed_torque_pulls_when_the_teeth_part_and_the_clamped_one_does_n
     assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, DAMPED) < 0
     clamped = DAMPED._replace(clamped=True)
     assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, clamped) == 0
-    assert tau_l(-2 * DELTA, 0.0, DELTA, -1, clamped) == pytest.approx(-2e4 * DELTA)
-
-
-def scipy_speeds(j, duration):
-    """Motor speed at the drive's periods [rad/s]: the paper's equations, written anew, between them by SciPy."""
-
-    def field(t, y, command):
-        theta_m, omega_m, theta_l, omega_l, torque = y
-        x, rate = theta_m / j.N - theta_l, omega_m / j.N - omega_l
-        arcs = np.arctan(j.alpha * (x - DELTA)) - np.arctan(j.alpha * (x + DELTA))
-        stiffness = j.K_s * (1 + arcs / np.pi)
-        tau = (x - DELTA * np.sign(x) + j.D_s / j.K_s * rate) * stiffness
-        load = j.G * np.sin(theta_l) + j.load_coulomb + j.load_viscous * omega_l
-        return (
-            omega_m,
-            (torque - tau / j.N) / j.J_m,
-            omega_l,
-            (tau - load) / j.J_l,
-            (command - torque) / j.torque_lag,
-        )
-
-    t = -j.lead + j.period * np.arange(round((j.lead + duration) / j.period) + 1)
-    angle = j.start_angle + j.Omega / j.N * t[0]
-    carried = j.G * np.sin(angle) + j.load_coulomb + j.load_viscous * j.Omega / j.N
-    twist = np.sign(carried) * DELTA + carried / j.K_s
-    y = np.array([j.N * angle, j.Omega, angle - twist, j.Omega / j.N, carried / j.N])
-    command = integral = carried / j.N
-    w, last, speeds = 0.0, j.Omega, []
-    for now in t:
-        speeds.append(y[1])
-        held = command  # computed a period ago
-        error = j.K_pos * (j.N * j.start_angle + j.Omega * now - y[0]) + j.Omega - y[1]
-        integral += j.K_i * j.period * error
-        w += j.period * (j.Omega - y[1] - j.w_rate * w)
-        command = j.K_p * error + integral + j.K_w * w - j.K_d * (y[1] - last) / j.period
-        last = y[1]
-        y = solve_ivp(
-            field, (0, j.period), y, "LSODA", args=(held,), rtol=1e-10, atol=1e-11, max_step=5e-5
-        ).y[:, -1]
-    return t, np.array(speeds)
-
-
-def test_the_simulated_speed_is_the_one_that_scipy_integrates():
-    joint = JOINT._replace(lead=0.02, load_coulomb=0.3, load_viscous=0.02, D_s=1.0)
-    t, speeds = scipy_speeds(joint, 0.04)
-    run = simulate(joint, DELTA, 0.04, joint.period)
-    assert run.impacts.size == 1
-    assert np.ptp(run.v) > 0.2
-    np.testing.assert_allclose(run.omega_m, speeds[t > -1e-9], atol=1e-4)
-
-
-def test_located_contacts_keep_the_fourth_order():
-    joint = JOINT._replace(clamped=True)
-    speeds = [simulate(joint, DELTA, 0.4, step=joint.period / k).v for k in (2, 4, 8, 64)]
-    coarse, middle, fine = (np.abs(v - speeds[-1]).max() for v in speeds[:3])
-    assert coarse / middle > 10
-    assert middle / fine > 10
-
-
-def test_without_drive_and_damping_the_energy_is_kept():
-    j = FREE._replace(clamped=True)
-    run = simulate(j, DELTA, 0.8, 1e-3, 1e-5)
-    twist = np.maximum(np.abs(run.theta_m / j.N - run.theta_l) - DELTA, 0)
-    kinetic = (j.J_m * run.omega_m**2 + j.J_l * run.omega_l**2) / 2
-    energy = kinetic - j.G * np.cos(run.theta_l) + j.K_s * twist**2 / 2
-    assert run.impacts.size > 0
-    np.testing.assert_allclose(energy, energy[0], atol=1e-6 * j.G)
-
-
-def test_a_disturbance_and_friction_change_the_momentum_by_their_impulse():
-    order, phase, ripple, push, rub = 0.3, 0.4, 0.02, 0.5, 0.05
-    waves = (Wave(order, phase, on_motor=ripple), Wave(order, phase, on_load=push))
-    j = FREE._replace(G=0.0, waves=waves, load_viscous=rub)
-    run = simulate(j, DELTA, 0.11, 1e-4)
-    momentum = j.J_m * j.N * run.omega_m + j.J_l * run.omega_l
-    on_motor = j.N * (ripple * np.sin(order * run.theta_m + phase) + run.torque)
-    on_load = push * np.sin(order * j.Omega * run.t + phase) - rub * run.omega_l
-    impulse = np.trapezoid(on_motor + on_load, run.t)
-    assert momentum[-1] - momentum[0] == pytest.approx(impulse, rel=1e-3)
-    assert abs(impulse) > 2e-3
+    pushed = tau_l(-2 * DELTA, -0.5, DELTA, -1, clamped)
+    assert pushed == pytest.approx(-2e4 * DELTA - 10 * 0.5)
 
 
 def test_the_teeth_meet_twice_a_turn_on_alternating_sides():
@@ -125,20 +134,56 @@ def test_the_teeth_meet_twice_a_turn_on_alternating_sides():
 
 
 def test_only_ratios_show_in_the_motor_speed():
-    scaled = {"J_m": 10, "J_l": 10, "G": 10, "K_s": 10, "K_p": 10, "K_i": 10, "K_d": 10, "K_w": 10}
-    heavy = JOINT._replace(
-        **{name: factor * getattr(JOINT, name) for name, factor in scaled.items()}
-    )
+    names = ("J_m", "J_l", "G", "K_s", "K_p", "K_i", "K_d", "K_w")
+    heavy = JOINT._replace(**{name: 10 * getattr(JOINT, name) for name in names})
+    assert ratios(heavy) == pytest.approx(ratios(JOINT), rel=1e-12)
     np.testing.assert_allclose(
         simulate(heavy, DELTA, 0.8).v, simulate(JOINT, DELTA, 0.8).v, atol=1e-7
     )
 
 
-def test_the_encoders_grid_hardly_disturbs_the_drive():
-    coarse, fine = (
-        simulate(JOINT._replace(encoder_step=TURN / 2**bits), DELTA, 0.8).v for bits in (19, 40)
-    )
-    assert 0 < np.abs(coarse - fine).max() < 0.02
+def test_the_load_is_a_point_of_5_kg():
+    values = ratios(JOINT) | {"J_l/(N^2 J_m)": 3.0, "lead": 0.1}
+    joint = from_ratios(values, 50.0)
+    assert ratios(joint) == pytest.approx(values, rel=1e-12)
+    arm_m = joint.G / (5 * 9.80665)
+    assert joint.J_l == pytest.approx(5 * arm_m**2, rel=1e-12)
+    assert arm_m == pytest.approx(9.80665 / values["G/J_l"], rel=1e-12)
+    # What the ratios do not tell: equation 8's edge [1/rad], the drive's period [s] and its delay, 100 turns a second.
+    assert (joint.alpha, joint.period, joint.delay) == (1e6, 5e-4, 1)
+    assert joint.turn_period == pytest.approx(0.5)
+
+
+def test_the_settled_peak_is_above_the_commanded_speed_and_after_the_first_turn():
+    t = np.array([0.0, 0.399, 0.4, 0.6])
+    v = np.array([120, 110, 103, 102.0])
+    run = Run(t, *np.zeros((5, 4)), np.zeros(4))._replace(omega_m=TURN * v)
+    assert settled_peak(run, JOINT) == pytest.approx(3)
+
+
+def limit(name):
+    """Fields and arguments for a factor: up to 1 a step can be integrated, beyond it cannot."""
+    contact = JOINT.K_s * (1 / JOINT.J_l + 1 / (JOINT.N**2 * JOINT.J_m))
+    return {
+        "contact": lambda x: ({"K_s": JOINT.K_s * (5000 * x) ** 2 / contact}, {}),
+        "lag": lambda x: ({"torque_lag": 2e-4 / x}, {}),
+        "wave": lambda x: ({"waves": (Wave(-5000 * x / JOINT.Omega, 0.0),)}, {}),
+        "delta": lambda x: ({}, {"delta": np.pi * x}),
+        # A millionth of a step.
+        "multiple": lambda x: ({}, {"sample": 2e-3 + 1e-10 * x}),
+    }[name]
+
+
+@pytest.mark.parametrize("name", ["contact", "lag", "wave", "delta", "multiple"])
+def test_what_can_be_integrated_ends_at_its_limit(name):
+    def tried(x):
+        fields, arguments = limit(name)(x)
+        values = {"delta": DELTA, "duration": 4.8, "sample": 2e-3, "step": 1e-4}
+        check(JOINT._replace(**fields), **(values | arguments))
+
+    tried(0.99)
+    with pytest.raises(ValueError, match=" must be "):
+        tried(1.01)
 
 
 @pytest.mark.parametrize(
@@ -149,11 +194,11 @@ def test_the_encoders_grid_hardly_disturbs_the_drive():
         ({"N": 0}, {}, "N is 0"),
         ({"G/J_l": 0}, {}, "G/J_l"),
         ({"colour": 2}, {}, "colour.*K_s/J_l"),
-        ({"K_s": 1e4}, {}, "step is .* at most"),
-        ({"J_m": 1e-5}, {}, "step is .* at most"),
+        ({"D_s": 2}, {}, "D_s: zero"),
         ({"K_p": 20}, {}, "runs away"),
-        ({}, {"delta": 4.0}, "gap"),
-        ({}, {"sample": 2.05e-3}, "sample is .* multiple"),
+        ({"lead": 1e-10}, {}, "lead is .* multiple"),
+        ({"w_rate": -1}, {}, "w_rate is .* zero or positive"),
+        ({}, {"delta": -1e-9}, "gap"),
         ({}, {"step": 3e-5}, "multiple of the step"),
         ({}, {"duration": -1}, "duration is -1"),
     ],
@@ -164,13 +209,18 @@ def test_what_cannot_be_simulated_is_named_in_one_line(factors, arguments, words
     assert "\n" not in str(refusal.value)
 
 
-def test_a_stiff_joint_and_one_without_gravity_run():
+def test_a_stiff_joint_one_without_gravity_and_one_without_backlash_run():
     assert simulate(change(JOINT, {"K_s": 10}), DELTA).impacts.size >= 24
     assert np.abs(simulate(change(JOINT, {"G": 0}), DELTA).v - 100).max() < 1e-6
+    tight, loose = (simulate(JOINT, delta, 0.8).v for delta in (0.0, DELTA))
+    assert np.ptp(tight) < 0.2 * np.ptp(loose)
 
 
 def test_a_changed_ratio_keeps_the_other_ratios_and_a_changed_field_all_other_fields():
+    changed = change(JOINT, {"J_l/(N^2 J_m)": 0.5, "N": 2.0})
     doubled = change(JOINT, {"J_l/(N^2 J_m)": 0.5})
-    assert doubled.J_m == pytest.approx(2 * JOINT.J_m)
-    assert doubled.K_p == pytest.approx(2 * JOINT.K_p)
+    assert changed == doubled._replace(N=80.0)
+    expected = ratios(JOINT)
+    expected["J_l/(N^2 J_m)"] /= 2
+    assert ratios(doubled) == pytest.approx(expected)
     assert change(JOINT, {"J_m": 2.0}) == JOINT._replace(J_m=2 * JOINT.J_m)

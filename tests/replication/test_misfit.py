@@ -14,23 +14,39 @@ def make_record(t, noise=0.1):
     return 100 + h(t, TRUE) + rng.uniform(-noise, noise, t.size)
 
 
-def draw_members(t, v, number=300):
+def draw_members(t, v, number):
     rng = np.random.default_rng(2)
     box = table1_box(t, v, 1.3)
     members = rng.uniform(*box, (number, 7))
     members[::4, 6], members[::4, 5] = 0.001, 0.2035  # windows that overlap the next one
     members[::3, 1] = t[0] + 0.1 * (members[::3, 1] - t[0])  # that lie in the record
+    members[1, 6], members[1, 5] = 0.05, 0.04  # that hold no sample
+    members[2, 1], members[2, 6] = t[-1] - 0.0105, 0.0  # that begin in its last samples
+    members[5, 1] = t[0] - members[5, 6] + 0.0001  # and in its first ones
     return members
 
 
-@pytest.mark.parametrize("timing", [MOVEMENT, Timing(0.204, 0.408, 12), Timing(0.1, 0.4, 3)])
+@pytest.mark.parametrize("timing", [MOVEMENT, Timing(0.002, 0.408, 11), Timing(0.1, 0.4, 3)])
 @pytest.mark.parametrize("begin", [0.0, 1.3])
 def test_the_compiled_cost_is_that_of_equations_5_to_7_and_11(timing, begin):
     t = begin + 0.002 * np.arange(2401)
     v = make_record(t - begin)
-    members = draw_members(t, v)
+    members = draw_members(t, v, 60)
     expected = [rmse(t, v, X, timing) for X in members]
     np.testing.assert_allclose(population_rmse(members, fold(t, v, timing)), expected, rtol=1e-11)
+    np.testing.assert_allclose(cost(t, v, timing)(members), expected, rtol=1e-11)
+
+
+@pytest.mark.parametrize(("off", "folds"), [(0.95, True), (1.05, False)])
+def test_a_record_is_folded_if_its_instants_and_turns_are_even_within_a_millionth(off, folds):
+    t = 0.002 * np.arange(2401)
+    v = make_record(t)
+    shift = off * 1e-6 * 0.002
+    uneven = t + shift * (np.arange(t.size) == 7)
+    assert (fold(uneven, v, MOVEMENT) is not None) == folds
+    # Over twelve turns.
+    for timing in (Timing(0.2 + shift / 12), Timing(T_f=0.4 - shift / 12)):
+        assert (fold(t, v, timing) is not None) == folds
 
 
 def test_a_record_that_cannot_be_folded_is_fitted_by_the_equations_themselves():
@@ -39,9 +55,10 @@ def test_a_record_that_cannot_be_folded_is_fitted_by_the_equations_themselves():
         (even + 1e-5 * np.sin(even), MOVEMENT),
         (even, Timing(0.2005, 0.401, 6)),
         (even, Timing(0.4, 0.4, 6)),
+        (even, Timing(0.0, 0.4, 6)),
     ]:
         v = make_record(t)
-        members = draw_members(t, v, 5)
+        members = draw_members(t, v, 6)
         assert fold(t, v, timing) is None
         expected = [rmse(t, v, X, timing) for X in members]
         np.testing.assert_array_equal(cost(t, v, timing)(members), expected)
@@ -59,16 +76,20 @@ def test_the_projection_gives_the_least_misfit_over_A_and_v_t():
     record = fold(t, v, MOVEMENT)
     projected, misfits = project(members[:, PROJECTED], record, largest_A=5.0)
     np.testing.assert_allclose(population_rmse(projected, record), misfits, rtol=1e-9)
+    np.testing.assert_array_equal(projected[:, PROJECTED], members[:, PROJECTED])
     for X, projection in zip(members, projected, strict=True):
         u = h(t, Parameters(*X)._replace(A=1.0))
         columns = np.column_stack((u, np.ones(t.size)))
         (A, v_t), *_ = np.linalg.lstsq(columns, v, rcond=None)
-        if np.any(u):
-            assert projection[[0, 4]] == pytest.approx([A, v_t], rel=1e-7)
+        expected = [A, v_t] if np.any(u) else [0, v.mean()]
+        assert projection[[0, 4]] == pytest.approx(expected, rel=1e-7)
 
 
-def test_the_projected_A_stays_within_its_bound():
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_projected_A_stays_within_its_bound(sign):
     t = 0.002 * np.arange(2401)
-    record = fold(t, make_record(t), MOVEMENT)
-    (projected,), _ = project(np.array([TRUE])[:, PROJECTED], record, largest_A=0.1)
-    assert projected[0] == -0.1
+    v = 100 + sign * (make_record(t) - 100)
+    record = fold(t, v, MOVEMENT)
+    projected, misfits = project(np.array([TRUE])[:, PROJECTED], record, largest_A=0.1)
+    assert projected[0, 0] == -0.1 * sign
+    assert misfits[0] == pytest.approx(rmse(t, v, projected[0]), rel=1e-9)

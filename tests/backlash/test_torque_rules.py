@@ -1,0 +1,238 @@
+"""What the torque's fit decides and refuses, from numbers that are given."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from backlash import torque
+from backlash.driven_load import DELAY, DELTA, FRICTION, GRAVITY, LOSS, STIFFNESS, UNKNOWNS
+from backlash.load_data import LoadData
+from backlash.refusals import Reason, Refusal
+from backlash.torque import Candidate, MeasuredTurn, Problem
+from replication.records import Recording
+
+TURN = 2 * np.pi
+
+
+def candidate(delta_mrad, chi2=100.0, sd_mrad=0.03):
+    theta, sd = np.zeros(len(UNKNOWNS)), np.ones(len(UNKNOWNS))
+    theta[DELTA], sd[DELTA] = delta_mrad, sd_mrad
+    return Candidate(theta, np.zeros(2), chi2, np.diag(1 / sd))
+
+
+@pytest.fixture
+def decide(monkeypatch):
+    """What `fit_torque` makes of candidates whose misfits are of 100 numbers."""
+    problem = SimpleNamespace(compared=SimpleNamespace(order=np.zeros(50)))
+    held = []
+    for name, result in {
+        "measure_turn": SimpleNamespace(gear_ratio=1.0),
+        **{"_check_movement": None, "_check_joint": None, "state_problem": problem},
+        **{"_quantities": {}, "_model_torque": None},
+    }.items():
+        monkeypatch.setattr(torque, name, lambda *_, result=result: result)
+
+    def answer(*candidates, of_held=1e3):
+        def hold(problem, best, delta_mrad):
+            held.append(delta_mrad)
+            return candidate(delta_mrad, of_held)
+
+        monkeypatch.setattr(torque, "search", lambda *_: list(candidates))
+        monkeypatch.setattr(torque, "hold_delta", hold)
+        try:
+            fit = torque.fit_torque(None, np.zeros(1), None)
+        except Refusal as refusal:
+            return refusal.reason
+        return fit, held[-1]
+
+    return answer
+
+
+def reason_of(decided):
+    return decided if isinstance(decided, Reason) else None
+
+
+@pytest.mark.parametrize("chi2", [50.0, 200.0])
+def test_the_interval_holds_noise_the_methods_error_and_half_a_count(decide, chi2):
+    fit, held = decide(candidate(0.9, chi2))
+    assert (fit.delta_rad, fit.is_none, held) == (pytest.approx(9e-4), False, 0)
+    assert fit.chi_squared == chi2 / 100
+    sd = np.sqrt(max(chi2 / 100, 1) * 3e-5**2 + (0.05 * 9e-4) ** 2 + 5e-6**2)
+    expected = (9e-4 - 1.96 * sd, 9e-4 + 1.96 * sd)
+    assert fit.interval_rad == pytest.approx(expected, rel=1e-12)
+    for least, reason in ((24.9, Reason.AMBIGUOUS), (25.1, None)):
+        of_held = chi2 + least * max(chi2 / 100, 1)
+        decided = decide(candidate(0.9, chi2), of_held=of_held)
+        assert reason_of(decided) == reason
+
+
+@pytest.mark.parametrize(
+    ("others", "reason"),
+    [
+        ([candidate(1.5, 108.9)], Reason.AMBIGUOUS),
+        ([candidate(1.5, 109.1)], None),
+        ([candidate(0.99, 101.0)], None),  # in the interval
+        ([candidate(0.5, 101.0)], Reason.AMBIGUOUS),
+        ([candidate(-0.02, 101.0)], None),  # no gap of a joint
+        ([candidate(-0.009, 101.0)], Reason.AMBIGUOUS),
+    ],
+)
+def test_another_backlash_that_fits_nearly_as_well_is_a_refusal(decide, others, reason):
+    decided = decide(candidate(0.9), *others)
+    assert reason_of(decided) == reason
+
+
+def test_what_is_negligible_is_none_if_it_fits(decide):
+    fit, held = decide(candidate(0.01, sd_mrad=0.01))
+    assert (fit.is_none, held) == (True, 0.05)
+    assert fit.interval_rad[0] == 0
+    assert decide(candidate(-0.005, sd_mrad=0.001))[0].interval_rad[0] == 0
+    assert decide(candidate(0.01, 149, 0.005))[0].is_none
+    assert decide(candidate(0.01, 151, 0.005)) == Reason.NO_FIT
+    assert reason_of(decide(candidate(0.01, sd_mrad=0.01), candidate(0.049, 101))) is None
+    assert decide(candidate(0.01, sd_mrad=0.01), candidate(0.051, 101)) == Reason.AMBIGUOUS
+    # 0.05 mrad is 0.01 and 1.96 SDs.
+    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.0005**2)
+    assert decide(candidate(0.01, sd_mrad=0.995 * sd))[0].is_none
+    assert decide(candidate(0.01, sd_mrad=1.005 * sd)) == Reason.TOO_NOISY
+
+
+@pytest.mark.parametrize(
+    ("candidates", "reason"),
+    [
+        ([candidate(1.0, sd_mrad=0.139)], None),  # and a method's error of 5 % make 15 %
+        ([candidate(1.0, sd_mrad=0.143)], Reason.TOO_NOISY),
+        ([candidate(-0.1, 74.9), candidate(1.0)], Reason.NO_FIT),
+        ([candidate(-0.1, 75.1), candidate(1.0)], None),
+        ([candidate(1.0, np.inf)], Reason.NO_FIT),
+    ],
+)
+def test_what_is_not_known_well_is_refused(decide, candidates, reason):
+    decided = decide(*candidates)
+    assert reason_of(decided) == reason
+
+
+def refuses(check, *arguments):
+    try:
+        check(*arguments)
+    except Refusal as refusal:
+        return refusal.reason
+    return None
+
+
+def made_turn(**others):
+    values = {"friction": 0.5, "ripple": 0.0, "gear_ratio": 40.0} | others
+    return MeasuredTurn(None, None, None, **values)
+
+
+@pytest.mark.parametrize(
+    ("change", "fields", "reason"),
+    [
+        (0.029, {}, None),
+        (0.031, {}, Reason.NOT_PERIODIC),
+        (0.0, {"friction": 0.999}, None),
+        (0.0, {"friction": 1.001}, Reason.NO_REVERSAL),
+        (0.0, {"ripple": 0.099 * 60}, None),
+        (0.0, {"ripple": 0.101 * 60}, Reason.NO_FIT),
+    ],
+)
+@pytest.mark.parametrize("phase", [0.0, np.pi / 2])
+def test_a_movement_is_refused_beyond_its_limits(change, fields, reason, phase):
+    t = 4e-3 * np.arange(1000) + 2e-3
+    record = Recording(t, np.ones(1000), 100.0, 0.4, "made")
+    alternates = 1 + change * (-1) ** np.floor(t / 0.4)
+    wave = alternates * np.cos(TURN * t / 0.4 + phase)
+    load = LoadData(2.0, 30.0)
+    assert refuses(torque._check_movement, record, wave, made_turn(**fields), load) == reason
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "chi2", "words"),
+    [
+        (GRAVITY, 0.349, 2.99, None),
+        (GRAVITY, -0.351, 1.0, "no joint fits"),
+        (LOSS, 0.351, 1.0, "no joint fits"),
+        (STIFFNESS, 9.0, 3.01, "no joint fits"),
+        (DELAY, 3.9, 1.0, None),
+        (DELAY, 4.0, 1.0, "4 ms too late"),
+        (DELAY, -4.0, 1.0, "4 ms too early"),
+    ],
+)
+def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
+    theta = np.zeros(len(UNKNOWNS))
+    theta[place] = value
+    problem = Problem(None, np.zeros(theta.size), np.full(theta.size, 0.1), 0.5)
+    covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
+    given = (problem, Candidate(theta, np.zeros(2), 0.0), covariance, chi2)
+    if words is None:
+        torque._check_joint(*given)
+    else:
+        with pytest.raises(Refusal, match=words):
+            torque._check_joint(*given)
+
+
+def test_priors_are_distances_over_sds_and_friction_is_positive_and_not_above_all():
+    mean, sd = np.arange(11.0), 1 + np.arange(11.0)
+    problem = Problem(None, mean, sd, most_friction=0.6)
+    theta = mean + 0.5
+    for friction, weight, beyond in ((0.2, 1, 0), (-0.2, 10, 0), (0.7, 1, 0.1 / 0.05)):
+        theta[FRICTION] = friction
+        expected = (theta - mean) / sd
+        expected[FRICTION] *= weight
+        left, slopes = problem.prior(theta)
+        assert left == pytest.approx([*expected, beyond])
+        assert slopes[:, FRICTION] == pytest.approx(
+            [*(weight / sd[FRICTION] * (np.arange(11) == FRICTION)), (beyond > 0) / 0.05]
+        )
+
+
+def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
+    t = np.arange(round(12 * period_s * hertz)) / hertz
+    angle = TURN * t / period_s
+    rps = gear_ratio / period_s
+    speed = rps + 0.1 * np.sin(angle)
+    force = mean + 3 * np.cos(angle + 0.4)
+    force = force + noise * np.random.default_rng(1).normal(size=t.size)
+    return Recording(t, speed, rps, period_s, "made"), force
+
+
+def test_harmonics_up_to_100_hz_and_80_are_compared_but_for_the_motors_orders():
+    turn = torque.measure_turn(*measured_record(0.4))
+    assert set(turn.speed.order[turn.used]) == set(range(1, 41)) - {29, 30, 31}
+    assert turn.speed.order[-1] == 120
+    assert turn.friction == pytest.approx(2 / 3, rel=1e-3)
+    assert abs(turn.speed.coefficient[0]) == pytest.approx(TURN / 30 * 0.05, rel=1e-3)
+    turn = torque.measure_turn(*measured_record(1.0))
+    assert set(turn.speed.order[turn.used]) == set(range(1, 81)) - {29, 30, 31, 59, 60, 61}
+    side = torque.measure_turn(*measured_record(0.4, gear_ratio=1.0))
+    assert side.used.sum() == 40
+    # Twelve are needed.
+    assert torque.measure_turn(*measured_record(0.125)).used.sum() == 12
+    assert refuses(torque.measure_turn, *measured_record(0.115)) == Reason.TOO_SLOWLY_SAMPLED
+
+
+def test_gravitys_line_must_be_ten_of_its_sds():
+    for noise, is_told in ((0.8, True), (100.0, False)):
+        reason = refuses(torque.measure_turn, *measured_record(0.4, noise=noise))
+        assert (reason is None) == is_told
+    assert refuses(torque.measure_turn, *measured_record(0.4, mean=-0.1)) == Reason.NO_GRAVITY
+
+
+def test_a_ripple_is_the_acceleration_at_an_order_that_sampling_does_not_fold_low():
+    t = 2e-3 * np.arange(6000)
+    for order, hz, is_own in ((6, 120, True), (1, 20, False), (4, 80, True), (2.5, 50, False)):
+        speed = 20 + 0.01 * np.sin(TURN * hz * t)
+        made = Recording(t, speed, 20.0, 2.0, "made")
+        expected = TURN * hz * TURN * 0.01 if is_own else 0.0
+        assert torque._ripple(made) == pytest.approx(expected, rel=0.02, abs=0.3), order
+    assert torque._ripple(Recording(t, speed, 20.0, 0.07, "the joint's side")) == 0
+
+
+def test_candidates_beside_another_and_those_that_are_the_same():
+    moved = torque._move(candidate(0.5), -1.0, 0.15).theta
+    assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
+    assert moved[STIFFNESS] == 0.15
+    near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
+    kept = [each.theta[DELTA] for each in torque._distinct(near)]
+    assert kept == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad

@@ -1,0 +1,157 @@
+"""The mean turn of signals whose harmonics, noise and period are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from backlash import turns
+from backlash.turns import TURN
+from replication.records import Recording
+
+
+def record(size=1200, period_s=0.4013, dt=4e-3):
+    t = dt * np.arange(size)
+    return Recording(t, np.ones(size), 100.0, period_s, "made")
+
+
+@pytest.mark.parametrize(
+    ("whole", "number"),
+    [(0.9999, 0), (1.0, 1), (1.6, 1), (2.49, 2), (2.51, 2), (3.49, 2), (3.51, 3), (12.0, 11)],
+)
+def test_settled_turns_leave_half_a_turn_or_more_at_the_start(whole, number):
+    size = 1200
+    made = record(size, period_s=4e-3 * size / whole)
+    if number == 0:
+        with pytest.raises(ValueError, match="0 settled turns"):
+            turns.settled_turns(made, made.t)
+        return
+    rows = turns.settled_turns(made, made.t)
+    assert len(rows) == number
+    samples = size / whole
+    assert rows.shape[1] == int(np.ceil(samples - 1e-3))
+    # A straight line shows the instants: whole turns up to one sample after the last.
+    expected = 4e-3 * size + made.turn_period_s * (np.arange(rows.size) / rows.shape[1] - number)
+    np.testing.assert_allclose(rows.ravel(), np.minimum(expected, made.t[-1]), atol=1e-9)
+
+
+def test_a_turn_needs_sixteen_samples():
+    for samples, fits in ((16.01, True), (15.99, False)):
+        made = record(400, 4e-3 * samples)
+        if fits:
+            assert turns.settled_turns(made, made.t).shape == (24, 17)
+        else:
+            with pytest.raises(ValueError, match="one turn of 16"):
+                turns.settled_turns(made, made.t)
+
+
+@pytest.mark.parametrize(("size", "is_single"), [(1200, False), (120, True)])
+def test_harmonics_are_exact_beside_a_drift(size, is_single):
+    made = record(size)
+    # The angle is 0 where the turns begin: a whole number of turns before the sample after the last.
+    angle = TURN * (made.t - 4e-3 * size) / made.turn_period_s
+    signal = 3.0 + 0.7 * np.cos(angle + 0.4) + 0.02 * np.cos(9 * angle - 1)
+    found = turns.harmonics(made, signal + (0 if is_single else 0.05) * made.t, 30.0)
+    np.testing.assert_array_equal(found.order, np.arange(1, 13))  # 30 Hz times 0.4013 s
+    np.testing.assert_allclose(found.omega, TURN / 0.4013 * found.order)
+    expected = np.zeros(12, dtype=complex)
+    expected[[0, 8]] = 0.35 * np.exp(0.4j), 0.01 * np.exp(-1j)
+    np.testing.assert_allclose(found.coefficient, expected, atol=2e-4)
+    assert (found.sd == 0).all() == is_single
+    fast = turns.harmonics(made, signal, 1e3).order
+    assert fast[-1] == int(0.45 * 250 * 0.4013)
+
+
+def test_a_harmonic_s_noise_is_that_of_three_harmonics_to_either_side():
+    made = record(12 * 100, 0.4)
+    signal = np.random.default_rng(1).normal(size=1200)
+    found = turns.harmonics(made, signal, 100.0)
+    rows = signal[100:].reshape(11, 100)
+    y = rows.ravel() - np.arange(1100) * (rows[-1].mean() - rows[0].mean()) / 1000
+    power = np.abs(np.fft.fft(y - y.mean()) / 1100) ** 2 / 2
+    for k in (4, 10):  # lines between harmonics, from k - 3 to k + 3
+        beside = [line for line in range(11 * (k - 3), 11 * (k + 3)) if line % 11]
+        assert found.sd[k - 1] == pytest.approx(np.sqrt(power[beside].mean()), rel=1e-9)
+
+
+def test_phases_and_waves_begin_where_the_settled_turns_do():
+    made = record()
+    phase = turns.turn_phases(made)
+    last = (-4e-3 / 0.4013) % 1
+    assert phase[-1] == pytest.approx(last)
+    np.testing.assert_allclose(np.diff(phase) % 1, 4e-3 / 0.4013, rtol=1e-9)
+    wave = turns.periodic(np.array([0.5j, 0.1]), np.array([1, 7]), phase)
+    expected = -np.sin(TURN * phase) + 0.2 * np.cos(7 * TURN * phase)
+    np.testing.assert_allclose(wave, expected, atol=5e-3)
+
+
+def test_gravity_s_line_is_that_of_each_whole_turn():
+    made = record(1050, 0.4)  # ten turns and a half
+    made = replace(made, t=made.t + 2e-3)  # no sample where a turn begins
+    torque = 2 + 3 * np.cos(TURN * made.t / 0.4 + 0.3) * (1 + 0.1 * (made.t > 2))
+    lines = turns.gravity_by_turn(made, torque - 0.01 * (made.t > 4))
+    expected = 1.5 * np.exp(0.3j) * np.where(np.arange(10) < 5, 1, 1.1)
+    np.testing.assert_allclose(lines, expected, rtol=1e-9)
+    assert turns.gravity_by_turn(record(1001, 0.4), np.ones(1001)).size == 10
+
+
+@pytest.mark.parametrize("ratio", [0.99, 1.004])
+def test_the_period_is_that_of_gravity_s_line_if_there_is_one(ratio):
+    made = record(1200, 0.4)
+    torque = np.cos(TURN * made.t / (ratio * 0.4) + 0.5)
+    assert turns.period_by_torque(made, torque) == pytest.approx(ratio * 0.4, rel=3e-4)
+    # In noise the mean of twelve lines must be ten of its SDs.
+    noise = np.random.default_rng(2).normal(size=1200)
+    for share, is_told in ((0.25, True), (0.15, False)):
+        found = turns.period_by_torque(made, share * torque + 0.45 * noise)
+        assert (found != 0.4) == is_told
+
+
+@pytest.mark.parametrize(
+    ("orders", "found"),
+    [
+        ({1.0: 1.0}, None),  # the turn's own
+        ({2.0: 1.0}, 2.0),
+        ({0.5: 1.0}, 0.5),
+        ({7.8: 1.0}, 7.8),
+        ({8.2: 1.0}, None),  # beyond three octaves
+        ({0.11: 1.0}, None),
+        ({0.22: 1.0}, 0.22),  # more than two turns in the record
+        ({2.0: 1.0, 1.0: 0.32}, 2.0),  # a third of it
+        ({2.0: 1.0, 1.0: 0.35}, None),
+        ({2.0: 1.0, 5.5: 0.95}, 2.0),  # half of the variance
+        ({2.0: 1.0, 5.5: 0.95, 3.3: 0.4}, None),
+    ],
+)
+def test_a_line_is_another_turn_s_if_it_is_more_than_the_torque_s_others(orders, found):
+    made = record(1200, 0.4)
+    angle = TURN * made.t / 0.4
+    torque = sum(size * np.cos(order * angle) for order, size in orders.items())
+    period = turns.dominant_period(made, 5 + torque)
+    assert period == (None if found is None else pytest.approx(0.4 / found, rel=0.02))
+
+
+def test_the_period_with_the_most_energy_is_taken_if_it_has_5_per_cent_more():
+    made = record(1200, 0.4)
+
+    def pulses(period_s, share=1.0):
+        phase = made.t / period_s % 1
+        return share * np.sin(20 * TURN * phase) * np.exp(-20 * phase)
+
+    grid = 0.005 * 0.4 / 40
+    for period in (0.3985, 0.4012):
+        found = turns.period_by_energy(made, 7 + pulses(period))
+        assert found == pytest.approx(period, abs=0.6 * grid)
+    assert turns.period_by_energy(made, pulses(0.4002)) == 0.4  # a drift that costs less
+    motor = np.sin(70 * TURN * made.t / 0.4015)  # above 60 Hz
+    assert turns.period_by_energy(made, pulses(0.4) + motor) == 0.4
+
+
+def test_periods_are_the_same_by_drift_and_near_by_a_clock():
+    made = record(1001, 0.4)  # 4 s
+    for drift_s, is_same in ((2.4e-3, True), (2.6e-3, False)):
+        for sign in (1, -1):
+            assert turns.is_same_period(made, 0.4 * (1 + sign * drift_s / 4)) == is_same
+    for share, is_near in ((0.0049, True), (0.0051, False)):
+        for sign in (1, -1):
+            assert turns.is_near_period(made, 0.4 * (1 + sign * share)) == is_near
