@@ -29,6 +29,10 @@ _MODULE_OF = {
 __all__ = list(_MODULE_OF)
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str) -> object:
     """Import what is asked for when it is asked for: `backlash --help` needs none of it."""
     if name not in _MODULE_OF:

@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import re
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -19,6 +20,7 @@ from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
 from replication.records import write_bytes, write_csv, write_text
 
+_FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _OURS = (b"total_play_high_rad", b'"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
@@ -68,6 +70,7 @@ def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
     _check_output(options, "plot", _FIGURES)
     _check_output(options, "out", (".csv", ".parquet"))
+    failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
     source = options.batch or batch.find_logs(options.log, options.out)
@@ -81,13 +84,32 @@ def run_estimate(options: argparse.Namespace) -> int:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
     if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
-        _estimate_one(logs, options)
+        answers = [_estimate_one(logs, options)]
     else:
-        _estimate_many(logs, options)
-    return Exit.DONE
+        answers = _estimate_many(logs, options)
+    is_met = any(
+        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
+        for answer in answers
+        for verdict, limit_rad in failures
+    )
+    return Exit.FAILED if is_met else Exit.DONE
 
 
-def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> None:
+def _failures(text: str | None) -> list[tuple[str, float]]:
+    """Verdicts of --fail-on, each with the backlash [rad] above which it counts."""
+    failures = []
+    for term in text.split(",") if text is not None else ():
+        match = _FAIL_ON.fullmatch(term.strip())
+        if not match:
+            raise Refusal(
+                f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
+            )
+        verdict = (match[1] or "backlash").replace("-", " ")
+        failures.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
+    return failures
+
+
+def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
     [log], [settings] = logs.logs, logs.settings
     if options.json or options.jsonl:
         answer = batch.examine_or_refuse(log, settings)
@@ -105,6 +127,7 @@ def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> None:
         print(_as_json([answer.to_dict()]) if options.json else answer)
     if batch.is_unusable(answer):
         raise Refusal(answer.explanation)
+    return answer
 
 
 def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
@@ -113,7 +136,7 @@ def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
     plots.save_figure(plots.estimate_figure(answer), folder / name)
 
 
-def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> None:
+def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     keys = logs.keys.astype("string").fillna("").to_dict("records")
     answers: dict[int, Estimate] = {}
@@ -141,6 +164,7 @@ def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> None:
         print(what, file=sys.stderr)
     if not (options.json or options.jsonl or options.out):
         print(*in_order, sep="\n")
+    return in_order
 
 
 def run_calibrate(options: argparse.Namespace) -> int:

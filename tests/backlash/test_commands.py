@@ -50,6 +50,19 @@ def test_an_answer_without_torque_and_calibration_says_what_to_do(log, capsys):
     assert "log the torque, or calibrate" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("words", "met"),
+    [
+        ("backlash", 3),
+        ("backlash>0.5mrad", 3),
+        ("backlash>1.5mrad", 0),
+        ("cannot-tell,no-backlash", 0),
+    ],
+)
+def test_an_exit_status_tells_a_plant_s_program(log, words, met, capsys):
+    assert command("estimate", log, SPEED, "--fail-on", f"'{words}'") == met
+
+
 def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_path, capsys):
     out = tmp_path / "answers.csv"
     for _ in range(2):
@@ -94,6 +107,7 @@ def test_a_trend_of_amplitudes_needs_no_calibration(tmp_path, capsys):
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
         ("--turn-period 0.4 --jobs 0 --out answers.csv", "--jobs 0"),
+        ("--turn-period 0.4 --fail-on much", "--fail-on 'much'"),
         ("--turn-period 0.4 --calibration missing.json", "missing.json"),
     ],
 )
