@@ -171,7 +171,7 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) ->
         the first that the rest allows. "amplitude" gives the paper's index A, never a backlash.
     **given
         `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `rate_hz`, `commanded_speed_rps`, `start_s`,
-        `end_s`, `speed_tolerance`, `trust_period`: as the command line's options.
+        `end_s`, `trust_period`: as the command line's options.
 
     Returns
     -------

@@ -27,14 +27,14 @@ _WRONG = (
     'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
     'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, a belt, an error of '
     'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Often not '
-    "seen are a torque that is low-passed at 30 Hz or below, a gear that is soft near zero torque, and load data that "
-    "are wrong and fit: compare the printed stiffness, efficiency and friction with the data sheet. "
+    "seen are load data that are wrong and fit, and an error of the gear that is sampled too slowly: compare the "
+    "printed stiffness, efficiency and friction with the data sheet. "
 )
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
     "and --gravity. The backlash scales with the gravity, of which the inertia ratio corrects a part: give both as "
-    "well as they are known. The answer prints those that fit."
+    "well as they are known. The answer, with a 95 % interval, prints those that fit."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "

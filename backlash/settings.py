@@ -45,7 +45,6 @@ class Given(TypedDict, total=False):
     turn_period_s: float | None
     trust_period: bool
     gear_ratio: float | None
-    speed_tolerance: float
     start_s: float | None
     end_s: float | None
     torque: str | ArrayLike | None
