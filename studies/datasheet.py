@@ -16,11 +16,10 @@ from backlash.refusals import Reason
 from studies.benches import TURN, Fault, draw_log_uniform, draw_turns
 
 SEED = 381194
-# The check of lines in the speed was added after the second draw began, for the first one's two wrong answers: rows of
-# the gear's errors, and one joint's refusal, are of the sensor with it.
 EARLIER = (
     "An earlier draw (seed 920517) had 53 of 75 answered, 52 covered, and 2 of 84 faulty logs wrong, both with a "
-    "gear's error 100 a turn; the limits were changed after it."
+    "gear's error 100 a turn; the limits were changed after it. The check for such an error came while this draw ran: "
+    "rows of the gear's errors were asked again, the others, but for one joint that it refuses, were not."
 )
 LOAD_SDS = (0.1, 0.05)  # relative, by which inertia ratio and gravity are misjudged
 BACKLASH_RAD = (2e-4, 2e-3)
