@@ -140,6 +140,7 @@ def some_unknowns(**others):
         **{"delta_mrad": 1.5, "ln_stiffness": np.log(2e4), "ln_damping": np.log(0.03)},
         **{"friction": 0.1, "phase_rad": 0.4, "ln_gravity": np.log(30.0), "lag_ms": 0.8},
         **{"ln_inertia_ratio": np.log(2.0), "ln_drive": np.log(0.5), "delay_ms": 0.6, "loss": 0.1},
+        **{"soft_mrad": 0.2, "filter_ms": 2.0},
     }
     return np.array([(values | others)[name] for name in UNKNOWNS])
 
@@ -169,16 +170,23 @@ def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
     made, theta = a_comparison(), some_unknowns(loss=0.0)
     t = (np.arange(made.motion.shape[1]) + 0.5) * made.step_s
     contact = 2 * (0.7 * np.exp(4j * np.pi * t) + 0.2j * np.exp(12j * np.pi * t)).real
-    w, late = made.omega, np.exp(-6e-4j * made.omega)
+    w, late = made.omega, np.exp(-6e-4j * made.omega) / (1 + 2e-3j * made.omega)
     inertial = 1j * w * (1 + 8e-4j * w) * np.array([0.03 + 0.01j, 0.002])
     expected = 0.5 * late * (inertial + 2 * np.array([0.7, 0.2j]))
     torque = driven_load.predict_torque(theta, made, contact)
     np.testing.assert_allclose(torque, expected, rtol=1e-9)
     spring = 2e4 + 2j * 0.03 * np.sqrt(2e4) * w
-    by_speed = 0.5 * w * np.abs(1 + 8e-4j * w) * np.abs(1 + 2 * spring / (spring - w**2)) * 1e-3
+    by_speed = (
+        0.5
+        * np.abs(late)
+        * w
+        * np.abs(1 + 8e-4j * w)
+        * np.abs(1 + 2 * spring / (spring - w**2))
+        * 1e-3
+    )
     sd = np.sqrt(by_speed**2 + np.array([0.1, 0.3]) ** 2 + made.model_error**2)
     np.testing.assert_allclose(driven_load.torque_sd(theta, made), sd, rtol=1e-9)
-    orbit = driven_load.Orbit(np.zeros(2), contact)
+    orbit = driven_load.Orbit(np.zeros(2), contact, np.zeros(0))
     left = (expected - np.array([2 - 1j, 0.1j])) / sd
     np.testing.assert_allclose(
         driven_load.residuals(theta, made, orbit), np.ravel([left.real, left.imag], "F"), rtol=1e-9
@@ -194,7 +202,8 @@ def test_the_orbit_is_the_one_that_scipy_integrates():
 
     def contact(x, v):
         depth = max(abs(x) - 1.5e-3, 0)
-        c = (2e4 * depth + 2 * 0.03 * np.sqrt(2e4) * v * np.sign(x)) * (depth > 0)
+        wound_up = 0.5 * depth + 0.5 * max(depth - 2e-4, 0)  # half as stiff over the first 0.2 mrad
+        c = (2e4 * wound_up + 2 * 0.03 * np.sqrt(2e4) * v * np.sign(x)) * (depth > 0)
         return np.sign(x) * max(c, 0)
 
     def rates(t, y):

@@ -6,38 +6,45 @@ import numpy as np
 import pytest
 
 from backlash import torque
-from backlash.driven_load import DELAY, DELTA, FRICTION, GRAVITY, LOSS, STIFFNESS, UNKNOWNS
+from backlash.driven_load import DELAY, DELTA, FRICTION, GRAVITY, LOSS, SOFT, STIFFNESS, UNKNOWNS
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque import Candidate, MeasuredTurn, Problem
+from backlash.turns import Harmonics
 from replication.records import Recording
 
 TURN = 2 * np.pi
 
 
-def candidate(delta_mrad, chi2=100.0, sd_mrad=0.03):
-    theta, sd = np.zeros(len(UNKNOWNS)), np.ones(len(UNKNOWNS))
-    theta[DELTA], sd[DELTA] = delta_mrad, sd_mrad
-    return Candidate(theta, np.zeros(2), chi2, np.diag(1 / sd))
+def candidate(delta_mrad, chi2=100.0):
+    theta = np.zeros(len(UNKNOWNS))
+    theta[DELTA] = delta_mrad
+    return Candidate(theta, np.zeros(2), chi2)
 
 
 @pytest.fixture
 def decide(monkeypatch):
-    """What `fit_torque` makes of candidates whose misfits are of 100 numbers."""
-    problem = SimpleNamespace(compared=SimpleNamespace(order=np.zeros(50)))
+    """What `fit_torque` makes of candidates whose misfits are of 100 numbers, with an SD of the gap [mrad]."""
     held = []
     for name, result in {
         "measure_turn": SimpleNamespace(gear_ratio=1.0),
-        **{"_check_movement": None, "_check_joint": None, "state_problem": problem},
+        **{
+            "_check_movement": None,
+            "_check_joint": None,
+            "state_problem": SimpleNamespace(size=100),
+        },
         **{"_quantities": {}, "_model_torque": None},
     }.items():
         monkeypatch.setattr(torque, name, lambda *_, result=result: result)
 
-    def answer(*candidates, of_held=1e3):
+    def answer(*candidates, of_held=1e3, sd_mrad=0.03):
         def hold(problem, best, delta_mrad):
             held.append(delta_mrad)
             return candidate(delta_mrad, of_held)
 
+        variances = np.ones(len(UNKNOWNS))
+        variances[DELTA] = sd_mrad**2
+        monkeypatch.setattr(torque, "_covariance", lambda *_: np.diag(variances))
         monkeypatch.setattr(torque, "search", lambda *_: list(candidates))
         monkeypatch.setattr(torque, "hold_delta", hold)
         try:
@@ -60,57 +67,52 @@ def test_the_interval_holds_noise_the_methods_error_and_half_a_count(decide, chi
     assert fit.chi_squared == chi2 / 100
     sd = np.sqrt(max(chi2 / 100, 1) * 3e-5**2 + (0.05 * 9e-4) ** 2 + 5e-6**2)
     expected = (9e-4 - 1.96 * sd, 9e-4 + 1.96 * sd)
-    assert fit.interval_rad == pytest.approx(expected, rel=1e-12)
+    assert fit.interval_rad == pytest.approx(expected, rel=1e-4)
     for least, reason in ((24.9, Reason.AMBIGUOUS), (25.1, None)):
         of_held = chi2 + least * max(chi2 / 100, 1)
         decided = decide(candidate(0.9, chi2), of_held=of_held)
         assert reason_of(decided) == reason
 
 
-@pytest.mark.parametrize(
-    ("others", "reason"),
-    [
-        ([candidate(1.5, 108.9)], Reason.AMBIGUOUS),
-        ([candidate(1.5, 109.1)], None),
-        ([candidate(0.99, 101.0)], None),  # in the interval
-        ([candidate(0.5, 101.0)], Reason.AMBIGUOUS),
-        ([candidate(-0.02, 101.0)], None),  # no gap of a joint
-        ([candidate(-0.009, 101.0)], Reason.AMBIGUOUS),
-    ],
-)
-def test_another_backlash_that_fits_nearly_as_well_is_a_refusal(decide, others, reason):
-    decided = decide(candidate(0.9), *others)
-    assert reason_of(decided) == reason
+def test_minima_that_fit_nearly_as_well_widen_the_interval_until_it_is_no_answer(decide):
+    alone = decide(candidate(0.9))[0].interval_rad
+    assert decide(candidate(0.9), candidate(1.0, 109.1))[0].interval_rad == alone
+    wider = decide(candidate(0.9), candidate(1.0, 108.9))[0].interval_rad
+    assert wider[0] == alone[0]
+    assert wider[1] == decide(candidate(1.0))[0].interval_rad[1] > alone[1]
+    assert decide(candidate(0.9), candidate(1.9, 108.9)) == Reason.AMBIGUOUS
+    assert decide(candidate(0.9), candidate(0.2, 108.9)) == Reason.AMBIGUOUS
 
 
-def test_what_is_negligible_is_none_if_it_fits(decide):
-    fit, held = decide(candidate(0.01, sd_mrad=0.01))
+def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_worse(decide):
+    fit, held = decide(candidate(0.01), sd_mrad=0.01)
     assert (fit.is_none, held) == (True, 0.05)
     assert fit.interval_rad[0] == 0
-    assert decide(candidate(-0.005, sd_mrad=0.001))[0].interval_rad[0] == 0
-    assert decide(candidate(0.01, 149, 0.005))[0].is_none
-    assert decide(candidate(0.01, 151, 0.005)) == Reason.NO_FIT
-    assert reason_of(decide(candidate(0.01, sd_mrad=0.01), candidate(0.049, 101))) is None
-    assert decide(candidate(0.01, sd_mrad=0.01), candidate(0.051, 101)) == Reason.AMBIGUOUS
     # 0.05 mrad is 0.01 and 1.96 SDs.
     sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.0005**2)
-    assert decide(candidate(0.01, sd_mrad=0.995 * sd))[0].is_none
-    assert decide(candidate(0.01, sd_mrad=1.005 * sd)) == Reason.TOO_NOISY
+    assert decide(candidate(0.01), sd_mrad=0.995 * sd)[0].is_none
+    assert decide(candidate(0.01), sd_mrad=1.005 * sd) == Reason.TOO_NOISY
+    none = {"sd_mrad": 0.01}
+    assert decide(candidate(0.01), candidate(0.049, 101), **none)[0].is_none
+    assert decide(candidate(0.01), candidate(0.051, 101), **none) == Reason.AMBIGUOUS
+    assert decide(candidate(0.01), of_held=124.9, **none) == Reason.AMBIGUOUS
 
 
-@pytest.mark.parametrize(
-    ("candidates", "reason"),
-    [
-        ([candidate(1.0, sd_mrad=0.139)], None),  # and a method's error of 5 % make 15 %
-        ([candidate(1.0, sd_mrad=0.143)], Reason.TOO_NOISY),
-        ([candidate(-0.1, 74.9), candidate(1.0)], Reason.NO_FIT),
-        ([candidate(-0.1, 75.1), candidate(1.0)], None),
-        ([candidate(1.0, np.inf)], Reason.NO_FIT),
-    ],
-)
-def test_what_is_not_known_well_is_refused(decide, candidates, reason):
-    decided = decide(*candidates)
-    assert reason_of(decided) == reason
+def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
+    # With a method's error of 5 % and half a count.
+    sd = np.sqrt(0.2**2 - 0.05**2 - 0.005**2)
+    assert reason_of(decide(candidate(1.0), sd_mrad=0.999 * sd)) is None
+    assert decide(candidate(1.0), sd_mrad=1.001 * sd) == Reason.TOO_NOISY
+
+
+def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_larger_one():
+    theta, covariance = np.zeros(len(UNKNOWNS)), np.zeros((len(UNKNOWNS),) * 2)
+    theta[[DELTA, SOFT]] = 1.0, 0.1
+    covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, -0.02], [-0.02, 0.04]]
+    low, high = torque._interval(theta, covariance)
+    own = 1e-6 * (0.02 - 0.5 * 0.02) + 5e-5**2 + (5e-6 + 1e-5) ** 2
+    assert low == pytest.approx(1e-3 - 1.96 * np.sqrt(own + (0.5 * 0.2e-3) ** 2), rel=1e-4)
+    assert high == pytest.approx(1e-3 + 1.96 * np.sqrt(own + (0.5 * 0.1e-3) ** 2), rel=1e-4)
 
 
 def refuses(check, *arguments):
@@ -147,24 +149,26 @@ def test_a_movement_is_refused_beyond_its_limits(change, fields, reason, phase):
     assert refuses(torque._check_movement, record, wave, made_turn(**fields), load) == reason
 
 
+# Of 100 numbers, chi squared of noise has the SD of 14.1.
 @pytest.mark.parametrize(
     ("place", "value", "chi2", "words"),
     [
-        (GRAVITY, 0.349, 2.99, None),
-        (GRAVITY, -0.351, 1.0, "no joint fits"),
-        (LOSS, 0.351, 1.0, "no joint fits"),
-        (STIFFNESS, 9.0, 3.01, "no joint fits"),
-        (DELAY, 3.9, 1.0, None),
-        (DELAY, 4.0, 1.0, "4 ms too late"),
-        (DELAY, -4.0, 1.0, "4 ms too early"),
+        (GRAVITY, 0.349, 143.0, None),
+        (GRAVITY, -0.351, 100.0, "ln_gravity -3.5"),
+        (LOSS, 0.351, 100.0, "loss .3.5"),
+        (STIFFNESS, 0.0, 144.0, "no joint fits"),
+        (DELAY, 5.9, 100.0, None),
+        (DELAY, 6.0, 100.0, "6 ms too late"),
+        (DELAY, -6.0, 100.0, "6 ms too early"),
     ],
 )
 def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
-    theta = np.zeros(len(UNKNOWNS))
-    theta[place] = value
-    problem = Problem(None, np.zeros(theta.size), np.full(theta.size, 0.1), 0.5)
+    theta, sd = np.zeros(len(UNKNOWNS)), np.full(len(UNKNOWNS), 0.1)
+    theta[place], sd[DELAY] = value, 4.0
+    compared = SimpleNamespace(order=np.zeros(50))
+    problem = Problem(compared, np.zeros(theta.size), sd, sd, 0.5)
     covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
-    given = (problem, Candidate(theta, np.zeros(2), 0.0), covariance, chi2)
+    given = (problem, Candidate(theta, np.zeros(2), chi2), covariance)
     if words is None:
         torque._check_joint(*given)
     else:
@@ -172,9 +176,10 @@ def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
             torque._check_joint(*given)
 
 
-def test_priors_are_distances_over_sds_and_friction_is_positive_and_not_above_all():
-    mean, sd = np.arange(11.0), 1 + np.arange(11.0)
-    problem = Problem(None, mean, sd, most_friction=0.6)
+def test_priors_are_distances_over_sds_which_below_zero_are_others():
+    count = len(UNKNOWNS)
+    mean, sd = np.arange(1.0 * count), 1 + np.arange(1.0 * count)
+    problem = Problem(None, mean, sd, 0.1 * sd, most_friction=0.6)
     theta = mean + 0.5
     for friction, weight, beyond in ((0.2, 1, 0), (-0.2, 10, 0), (0.7, 1, 0.1 / 0.05)):
         theta[FRICTION] = friction
@@ -183,7 +188,7 @@ def test_priors_are_distances_over_sds_and_friction_is_positive_and_not_above_al
         left, slopes = problem.prior(theta)
         assert left == pytest.approx([*expected, beyond])
         assert slopes[:, FRICTION] == pytest.approx(
-            [*(weight / sd[FRICTION] * (np.arange(11) == FRICTION)), (beyond > 0) / 0.05]
+            [*(weight / sd[FRICTION] * (np.arange(count) == FRICTION)), (beyond > 0) / 0.05]
         )
 
 
@@ -219,20 +224,24 @@ def test_gravitys_line_must_be_ten_of_its_sds():
     assert refuses(torque.measure_turn, *measured_record(0.4, mean=-0.1)) == Reason.NO_GRAVITY
 
 
-def test_a_ripple_is_the_acceleration_at_an_order_that_sampling_does_not_fold_low():
-    t = 2e-3 * np.arange(6000)
-    for order, hz, is_own in ((6, 120, True), (1, 20, False), (4, 80, True), (2.5, 50, False)):
-        speed = 20 + 0.01 * np.sin(TURN * hz * t)
-        made = Recording(t, speed, 20.0, 2.0, "made")
-        expected = TURN * hz * TURN * 0.01 if is_own else 0.0
-        assert torque._ripple(made) == pytest.approx(expected, rel=0.02, abs=0.3), order
-    assert torque._ripple(Recording(t, speed, 20.0, 0.07, "the joint's side")) == 0
+def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmonic_on():
+    order = np.arange(1, 101)
+    omega = TURN * order
+    for line, expected in ((60, 0.5 - 2 * 0.02), (16, 0.5 - 2 * 0.02), (15, 0.0)):
+        acceleration = np.full(100, 0.02)
+        acceleration[line - 1] = 0.5
+        speed = Harmonics(order, omega, acceleration / (2 * omega), np.zeros(100))
+        assert torque._ripple(speed) == pytest.approx(expected, abs=1e-12)
 
 
 def test_candidates_beside_another_and_those_that_are_the_same():
-    moved = torque._move(candidate(0.5), -1.0, 0.15).theta
+    moved = torque._move(candidate(0.5), -1.0, 0.15, False).theta
     assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
-    assert moved[STIFFNESS] == 0.15
+    assert (moved[STIFFNESS], moved[SOFT]) == (0.15, 0)
+    soft = torque._move(candidate(0.5), 0.0, 0.0, True)
+    assert (soft.theta[DELTA], soft.theta[SOFT]) == pytest.approx((0.35, 0.3))
+    again = torque._move(soft, 0.0, 0.0, True).theta
+    assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
     near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
-    kept = [each.theta[DELTA] for each in torque._distinct(near)]
+    kept = [each.theta[DELTA] for each in torque._distinct(near, 0.03)]
     assert kept == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad
