@@ -159,39 +159,44 @@ def best_fit(recording: Recording, settings: Settings = NOTEBOOK) -> Fit:
     def misfits(shapes: FloatArray) -> FloatArray:
         return project(np.clip(shapes, *shapes_box), record, box.upper[0])[1]
 
-    found = search(generations(misfits, shapes_box, 1, 600), settings.iterations)
-    shape = found.best
+    run = search(generations(misfits, shapes_box, 1, 600), settings.iterations)
+    shape = run.best
     better = True
-    while better:
+    while better:  # by a thousandth: basins that differ by less are one, see `BASIN_GAP`
         basins = np.array([shape, *_best_basins(misfits, shape, shapes_box, record.dt)])
         depths = misfits(basins)
         better = depths.min() < 0.999 * depths[0]
         shape = basins[depths.argmin()]
-    ends = np.array([_best_window(misfits, each, record.dt) for each in (found.best, shape)])
+    ends = np.array([_best_window(misfits, each, record.dt) for each in (run.best, shape)])
     shape = ends[misfits(ends).argmin()]
     members, (misfit,) = project(np.clip(shape, *shapes_box)[None], record, box.upper[0])
     X = Parameters(*members[0].tolist())
     opening = np.ceil((X.t0 + X.T1 - record.t0) / record.dt) - 0.5
     T1 = float(np.clip(record.t0 + opening * record.dt - X.t0, 0, box.upper[6]))
     A = X.A * np.exp(-(T1 - X.T1) * X.tau)
-    return Fit(X._replace(A=float(A), T1=T1), float(misfit), found.generations)
+    return Fit(X._replace(A=float(A), T1=T1), float(misfit), run.generations)
 
 
-# Which samples a window holds is discrete: it stays where it is while t0, tau and omega move.
+# First steps of t0 [s], tau [1/s] and omega [rad/s], small parts of a period, a decay and a bandwidth. Which samples a
+# window holds is discrete, so it stays where it is while they move.
 SMOOTH_STEPS = np.array([[2e-3, 0, 0, -2e-3, -2e-3], [0, 1, 0, 0, 0], [0, 0, 3, 0, 0]])
 Misfits = Callable[[FloatArray], FloatArray]  # of shapes, shape (number, 5)
 
 
 def _best_basins(misfits: Misfits, shape: FloatArray, box: Box, dt: float) -> list[FloatArray]:
-    """The three best of the basins up to nine half periods before and after a shape, at their bottoms."""
+    """The three best of the basins up to nine half periods before and after a shape, at their bottoms.
+
+    Nine half periods of the paper's ring are half a turn, after which the signature is itself with the other sign. In
+    its best window a basin is not yet at its bottom, and may not be the best one: hence three.
+    """
     T1, T2 = np.meshgrid(np.arange(0, box.upper[4], dt), np.arange(0, box.upper[3], 2 * dt))
     windows = np.tile(shape, (T1.size, 1))
     windows[:, 3], windows[:, 4] = T2.ravel(), T1.ravel()
     half_period = np.array([np.pi / shape[2], 0, 0, 0, 0])
     basins = []
     for k in range(-9, 10):
-        found = misfits(windows + k * half_period)
-        basins.append((found.min(), windows[found.argmin()] + k * half_period))
+        depths = misfits(windows + k * half_period)
+        basins.append((depths.min(), windows[depths.argmin()] + k * half_period))
     basins.sort(key=lambda basin: basin[0])
     return [_descend(misfits, basin, SMOOTH_STEPS, 1e-2) for _, basin in basins[:3]]
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
+from replication.table2 import DRAWN_STARTS, ROWS
 
-ROWS = range(1, 11)  # those of Table 2 with backlash
 DRAWS = 20_000  # tables drawn for a p
 LEVEL = 0.05
 
@@ -29,7 +29,7 @@ class Tables(NamedTuple):
 
 def starts_drawn(realisations: pd.DataFrame) -> pd.Series:
     """Which realisations start at a random one of the first 100 samples, as the text says."""
-    return realisations["protocol"].str.contains("drawn start")
+    return realisations["protocol"].isin([settings.name for settings in DRAWN_STARTS])
 
 
 def tables(realisations: pd.DataFrame) -> Tables:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import backlash
-from backlash import Reason, torque
+from backlash import Reason
 from studies.benches import BenchLog, Fault, draw_turns
 
 DELTA = 9e-4
@@ -93,18 +93,6 @@ def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
     # The delay takes a part of the low-pass, and the share of the stiffness is not the model's.
     assert value == pytest.approx(true, rel=0.4)
     assert value > 3 * sd
-
-
-@pytest.mark.parametrize(("soft", "above"), [(0.0, 0.01), (0.3, 0.05)])
-def test_a_soft_part_is_never_less_than_none(soft, above):
-    """Two unknowns that take each other's place: without a soft part the gap is no larger by that."""
-    theta = np.zeros(len(torque.UNKNOWNS))
-    theta[[torque.DELTA, torque.SOFT]] = 1e-3, soft
-    covariance = np.eye(theta.size)
-    together = np.ix_([torque.DELTA, torque.SOFT], [torque.DELTA, torque.SOFT])
-    covariance[together] = [[0.05**2, -0.0049], [-0.0049, 0.1**2]]
-    _, high = torque._interval(theta, covariance)
-    assert high == pytest.approx(1e-3 * 1.96 * above, rel=0.35)
 
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
@@ -212,22 +200,22 @@ def test_three_of_four_joints_are_answered_and_no_answer_is_wrong():
 
 
 def test_the_answer_of_a_known_log_is_the_known_one(answered):
-    """By whatever processor; a constant of the method that moves it by a hundred-thousandth shows."""
-    assert answered.backlash_rad == pytest.approx(9.70595837e-4, rel=1e-5)
+    """A constant of the method that moves it by a millionth shows; kernels move the interval by as much."""
+    assert answered.backlash_rad == pytest.approx(9.705958372e-4, rel=1e-6)
     assert answered.backlash_interval_rad == pytest.approx((7.611061e-4, 1.13985545e-3), rel=1e-5)
-    assert answered.chi_squared == pytest.approx(1.17441709, rel=1e-5)
+    assert answered.chi_squared == pytest.approx(1.17441709, rel=1e-6)
     joint = {
         "stiffness_per_s2": (44729.9072, 459.753605),
-        "damping_ratio": (0.0184752929, 0.0034808181),
-        "soft_mrad": (0.012886003, 0.0279169566),
+        "damping_ratio": (0.0184752929, 0.00348081809),
+        "soft_mrad": (0.0128860034, 0.0279169566),
         "gravity_per_s2": (32.0440982, 0.73960978),
         "inertia_ratio": (2.36202811, 0.221282617),
         "motor_inertia": (0.00406508165, 0.000344986095),
-        "friction_share": (0.1804582, 0.00094765949),
+        "friction_share": (0.180458200, 0.00094765949),
         "loss": (0.101930205, 0.00175236396),
-        "torque_delay_ms": (0.46512033, 2.58597832),
-        "torque_filter_ms": (0.22754116, 2.54300263),
+        "torque_delay_ms": (0.465120329, 2.58597832),
+        "torque_filter_ms": (0.227541163, 2.54300263),
         "speed_lag_ms": (0.62408164, 0.517127277),
     }
     for name, numbers in joint.items():
-        assert answered.joint[name] == pytest.approx(numbers, rel=1e-5)
+        assert answered.joint[name] == pytest.approx(numbers, rel=1e-6)

@@ -105,14 +105,20 @@ def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
     assert decide(candidate(1.0), sd_mrad=1.001 * sd) == Reason.TOO_NOISY
 
 
-def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_larger_one():
+@pytest.mark.parametrize("soft_mrad", [-0.01, 0.0, 0.1, 0.3])
+def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_larger_one(
+    soft_mrad,
+):
     theta, covariance = np.zeros(len(UNKNOWNS)), np.zeros((len(UNKNOWNS),) * 2)
-    theta[[DELTA, SOFT]] = 1.0, 0.1
+    theta[[DELTA, SOFT]] = 1.0, soft_mrad
+    soft = max(1e-3 * soft_mrad, 0)
     covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, -0.02], [-0.02, 0.04]]
     low, high = torque._interval(theta, covariance)
-    own = 1e-6 * (0.02 - 0.5 * 0.02) + 5e-5**2 + (5e-6 + 1e-5) ** 2
+    own = 1e-6 * (0.02 - 0.5 * 0.02) + 5e-5**2 + (5e-6 + 0.1 * soft) ** 2
     assert low == pytest.approx(1e-3 - 1.96 * np.sqrt(own + (0.5 * 0.2e-3) ** 2), rel=1e-4)
-    assert high == pytest.approx(1e-3 + 1.96 * np.sqrt(own + (0.5 * 0.1e-3) ** 2), rel=1e-4)
+    assert high == pytest.approx(
+        1e-3 + 1.96 * np.sqrt(own + (0.5 * min(soft, 0.2e-3)) ** 2), rel=1e-4
+    )
 
 
 def refuses(check, *arguments):
