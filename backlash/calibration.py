@@ -19,9 +19,8 @@ from replication.records import Recording
 from replication.signature import FloatArray
 
 MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
-MISMATCH = (
-    0.02  # of turn and speed: the waveform scales with the speed, by less than its uncertainty
-)
+# Of turn and speed: the waveform scales with the speed, by less than its uncertainty.
+MISMATCH = 0.02
 _MOST_PHASES = 800  # in a turn: the paper's joint at 0.5 ms
 # Of the range, the largest uncertainty: its 95 % interval is then as wide as the range, and says nothing.
 _MOST_UNCERTAINTY = 0.25

@@ -41,9 +41,8 @@ RATIO, DRIVE, DELAY, LOSS, FILTER = range(8, 13)
 _OF_CONTACT = 8  # unknowns that the contact torque depends on, the first ones
 _OF_SD = [STIFFNESS, DAMPING, LAG, RATIO, DRIVE, FILTER]  # those that the torque's SD depends on
 
-_SOFT_SHARE = (
-    0.5  # of K up to e: catalogues of strain wave gears have 0.4 to 0.8 (K_1 / K_3 and K_1 / K_2)
-)
+# Of K up to e: catalogues of strain wave gears have 0.4 to 0.8 (K_1 / K_3 and K_1 / K_2).
+_SOFT_SHARE = 0.5
 _MOST_TURNS = 40  # simulated until the orbit closes; Newton's method needs 3 to 10
 _CLOSED_RAD = 1e-11  # a millionth of the least backlash that matters
 

@@ -120,15 +120,13 @@ class TorqueSettings:
 
     # Errors beyond what noise explains: on 20 benches of a seed of their own the errors' SD was 0.55 of that with 0.07.
     method_error: float = 0.05
-    soft_error: float = (
-        0.1  # of the soft part: a share of 0.4 or 0.6 in place of a half moves the gap by as much
-    )
+    # Of the soft part: a share of 0.4 or 0.6 in place of a half moves the gap by as much.
+    soft_error: float = 0.1
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
-    most_off: float = (
-        3.5  # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off
-    )
+    # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off.
+    most_off: float = 3.5
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
     # Acceleration of a line over gravity's: of 130 benches' joints 0.05 at most, but for one whose drive hums; with a

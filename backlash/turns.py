@@ -21,9 +21,8 @@ _BESIDE = 3  # harmonics to either side whose surroundings tell a harmonic's noi
 _PERIOD_TOLERANCE = 0.005  # a gear ratio is exact; a load's turn that is given is read off a clock
 _DRIFT_S = 2.5e-3  # over the record: a twentieth of a ring's period (21 Hz), which does not blur it
 _OCTAVES = 3  # a wrong gear ratio is off by less than eight
-_DOMINATES = (
-    3.0  # amplitude over that of gravity's line; other lines of a torque are smaller than gravity's
-)
+# Amplitude over that of gravity's line; other lines of a torque are smaller than gravity's.
+_DOMINATES = 3.0
 LEAST_GRAVITY = 10.0  # in SDs of its line, once a turn, in the torque
 _GRAVITYS_SHARE = 0.5  # of the torque's variance; in benches it is above 0.8
 _PHASES = 512

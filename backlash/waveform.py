@@ -23,9 +23,8 @@ FASTEST_HZ = 100.0  # of the harmonics that are matched: five times the paper's 
 _MOST_DEGREE = 4
 _MODEL_ERROR = 0.01  # of the turn's RMS: what the identified joint leaves of the authors' records
 _LOW_PASSES_S = (1e-3, 4e-3)  # time constants from which one is looked for
-_LEAST_GAIN = (
-    8.0  # of chi squared, for a low-pass to be taken: by chance in one log of four hundred
-)
+# Of chi squared, for a low-pass to be taken: by chance in one log of four hundred.
+_LEAST_GAIN = 8.0
 
 
 @dataclass(frozen=True, eq=False)

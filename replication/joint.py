@@ -70,9 +70,8 @@ class Joint(NamedTuple):
     motor_coulomb: float = 0.0
     load_viscous: float = 0.0
     load_coulomb: float = 0.0
-    encoder_step: float = (
-        0.0  # of the position that the drive reads and differences; 0: exact position and speed
-    )
+    # Of the position that the drive reads and differences; 0: exact position and speed.
+    encoder_step: float = 0.0
     waves: tuple[Wave, ...] = ()
 
     @property
