@@ -96,11 +96,12 @@ class TorqueSettings:
     starts_mrad: tuple[float, ...] = (0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 1.7, 2.4)
     start_rings: int = 7
     start_frictions: tuple[float, ...] = (0.02, 0.25, 0.5, 0.75, 0.95)  # of all friction
-    # Of 40 benches' logs each but one had its best end among those of its 16 best starts. The others follow where these
-    # end in no usual joint: farther off than `most_off`, or with a chi squared that noise exceeds in one of 20 logs.
+    # Of 40 benches' logs each but one had its best end among those of its 16 best starts, best rings of a gap and a
+    # friction. The best frictions of each gap and ring follow where these end in no usual joint: farther off than
+    # `most_off`, or with a chi squared that noise exceeds in one of 20 logs; so all 60 logs of another seed were found.
     first_starts: int = 16
     usual_misfit: float = 1.6
-    finalists: int = 5
+    finalists: tuple[int, int] = (5, 20)
     # Beside the best: steps of 6 % of the backlash and 0.02 mrad, of ln K, and whether a soft part comes or goes, which
     # is a minimum of its own. Benches' wrong minima have too stiff a spring and too small a gap.
     neighbours: tuple[tuple[float, float, bool], ...] = (
@@ -122,6 +123,9 @@ class TorqueSettings:
     method_error: float = 0.05
     # Of the soft part: a share of 0.4 or 0.6 in place of a half moves the gap by as much.
     soft_error: float = 0.1
+    least_soft_sd_mrad: float = (
+        0.1  # benches without soft teeth are told to have 0.11 mrad (RMS of 87)
+    )
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
@@ -326,23 +330,31 @@ def state_problem(
 def search(problem: Problem, rough: Problem) -> list[Candidate]:
     """The ends of descents from many backlashes, stiffnesses and frictions, the best first."""
     s = SETTINGS
-    rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
-    frictions = np.array(s.start_frictions) * min(problem.most_friction, 0.9)
-    starts = [
-        min((_place(rough, delta, ring, friction) for ring in rings), key=_chi2)
-        for delta, friction in product(s.starts_mrad, frictions)
-    ]
-    ranked = sorted(starts, key=_chi2)
     found: list[Candidate] = []
-    for batch in (ranked[: s.first_starts], ranked[s.first_starts :]):
-        ends = _distinct([rough.descend(start, s.rough_tolerance) for start in batch], s.rough_same)
-        found += [problem.descend(end, s.tolerance) for end in ends[: s.finalists]]
+    for starts, finalists in zip(_rank_starts(rough), s.finalists, strict=True):
+        ends = [rough.descend(start, s.rough_tolerance) for start in starts]
+        ends = _distinct(ends, s.rough_same)[:finalists]
+        found += [problem.descend(end, s.tolerance) for end in ends]
         found += _descend_beside(problem, min(found, key=_chi2))
         best = min(found, key=_chi2)
         is_near = problem.farthest(best.theta) < s.most_off
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
             break
     return _distinct([*found, problem.descend(best)], s.same)
+
+
+def _rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
+    """Joints of a grid: the best ring of each gap and friction, ranked; the best friction of each gap and ring."""
+    s = SETTINGS
+    rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
+    frictions = np.array(s.start_frictions) * min(rough.most_friction, 0.9)
+    grid = [
+        [[_place(rough, delta, ring, friction) for friction in frictions] for ring in rings]
+        for delta in s.starts_mrad
+    ]
+    best_ring = [min(each, key=_chi2) for by_ring in grid for each in zip(*by_ring, strict=True)]
+    best_friction = [min(each, key=_chi2) for by_ring in grid for each in by_ring]
+    return sorted(best_ring, key=_chi2)[: s.first_starts], best_friction
 
 
 def _descend_beside(problem: Problem, best: Candidate) -> list[Candidate]:
@@ -472,8 +484,9 @@ def _orbit_of(problem: Problem, candidate: Candidate) -> Orbit:
 def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
     """The gap's 95 % interval [rad].
 
-    A gap and a soft part take each other's place. As no soft part is less than none, the gap exceeds the best one by no
-    more than the best soft part makes room for, and by the errors of a gap beside a soft part that is known.
+    A gap and a soft part take each other's place, and other errors of the model look like a soft part. As no soft part
+    is less than none, the gap exceeds the best one by no more than the best soft part makes room for, and by the errors
+    of a gap beside a soft part that is known.
     """
     s = SETTINGS
     delta, soft = np.maximum(1e-3 * theta[[DELTA, SOFT]], 0)
@@ -483,7 +496,8 @@ def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
     errors = s.method_error * delta, s.least_sd_rad + s.soft_error * soft
     sd = np.sqrt(beside + np.square(errors).sum())
     low = delta - NORMAL_95 * np.hypot(sd, slope * soft_sd)
-    high = delta + NORMAL_95 * np.hypot(sd, slope * min(soft_sd, soft))
+    most = min(max(soft_sd, 1e-3 * s.least_soft_sd_mrad), soft)
+    high = delta + NORMAL_95 * np.hypot(sd, slope * most)
     return max(float(low), 0.0), float(high)
 
 

@@ -65,7 +65,7 @@ def harmonics(recording: Recording, signal: FloatArray, fastest_hz: float) -> Ha
     if turns > 1:
         drift = (rows[-1].mean() - rows[0].mean()) / (y.size - rows.shape[1])
         y = y - drift * np.arange(y.size)
-    bins = np.fft.rfft(y - y.mean()) / y.size
+    bins = np.fft.rfft(y) / y.size
     last = int(min(fastest_hz, 0.45 / recording.sample_s) * recording.turn_period_s)
     order = np.arange(1, last + 1)
     power = np.abs(bins[: bins.size // turns * turns].reshape(-1, turns)[:, 1:]) ** 2 / 2

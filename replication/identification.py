@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from replication.joint import Joint, from_ratios, ratios, simulate
 from replication.records import Recording, load_clean_records
@@ -118,7 +118,7 @@ def identify_joint(records: Records, start: Joint) -> Identification:
     inverse = np.linalg.inv(fit.jac.T @ fit.jac)
     sd = np.sqrt(np.diag(inverse))
     degrees = size - len(names)
-    half = student.ppf(0.975, degrees) * np.sqrt(2 * fit.cost / degrees) * sd
+    half = stdtrit(degrees, 0.975) * np.sqrt(2 * fit.cost / degrees) * sd
     joint = scaled(fit.x)
     intervals = {
         name: tuple(sorted((old[name] * (x - h), old[name] * (x + h))))

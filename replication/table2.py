@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
-from scipy import optimize, stats
+from scipy import optimize
+from scipy.special import stdtrit
 
 from replication import published
 from replication.cmaes import Eigensolver, generations, search
@@ -452,7 +453,8 @@ def decide_local_minima(
     on one record are not independent.
     """
     share = table["best_basin_runs"] / table["runs"]
-    low, high = stats.t.interval(0.95, share.size - 1, share.mean(), stats.sem(share))
+    half = stdtrit(share.size - 1, 0.975) * share.sem()
+    low, high = share.mean() - half, share.mean() + half
     holds = published.decide("local_minima", (low, high), criteria)
     return holds, (
         f"{table['best_basin_runs'].sum()} of {table['runs'].sum()} runs on {share.size} noisy records end in the best "

@@ -105,20 +105,23 @@ def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
     assert decide(candidate(1.0), sd_mrad=1.001 * sd) == Reason.TOO_NOISY
 
 
-@pytest.mark.parametrize("soft_mrad", [-0.01, 0.0, 0.1, 0.3])
+@pytest.mark.parametrize(
+    ("soft_mrad", "sd_mrad", "most_mrad"),
+    [(-0.01, 0.2, 0.0), (0.1, 0.2, 0.1), (0.3, 0.2, 0.2), (0.3, 0.05, 0.1), (0.05, 0.05, 0.05)],
+)
 def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_larger_one(
-    soft_mrad,
+    soft_mrad, sd_mrad, most_mrad
 ):
     theta, covariance = np.zeros(len(UNKNOWNS)), np.zeros((len(UNKNOWNS),) * 2)
     theta[[DELTA, SOFT]] = 1.0, soft_mrad
     soft = max(1e-3 * soft_mrad, 0)
-    covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, -0.02], [-0.02, 0.04]]
+    both = -0.5 * sd_mrad**2
+    covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, both], [both, sd_mrad**2]]
     low, high = torque._interval(theta, covariance)
-    own = 1e-6 * (0.02 - 0.5 * 0.02) + 5e-5**2 + (5e-6 + 0.1 * soft) ** 2
-    assert low == pytest.approx(1e-3 - 1.96 * np.sqrt(own + (0.5 * 0.2e-3) ** 2), rel=1e-4)
-    assert high == pytest.approx(
-        1e-3 + 1.96 * np.sqrt(own + (0.5 * min(soft, 0.2e-3)) ** 2), rel=1e-4
-    )
+    own = 1e-6 * (0.02 + 0.5 * both) + 5e-5**2 + (5e-6 + 0.1 * soft) ** 2
+    room = 0.5e-3 * np.array([sd_mrad, most_mrad])
+    expected = 1e-3 + 1.96 * np.array([-1, 1]) * np.sqrt(own + room**2)
+    assert (low, high) == pytest.approx(expected, rel=1e-4)
 
 
 def refuses(check, *arguments):
