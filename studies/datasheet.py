@@ -129,8 +129,9 @@ def write_page(sheet: DataFrame) -> str:
         "# The sensor's datasheet",
         "",
         f"Simulated joints, drawn once by other code than the sensor's; seed ({SEED}) and numbers of logs were fixed "
-        "before, the sensor's limits on logs of other seeds. Rings of 12 to 50 Hz, half plays of 0.2 to 2 mrad or none, "
-        "gears of 50 to 160, 333 to 1000 Hz, twelve turns, load data off by 10 and 5 % (SD). In all, with 95 % intervals: answered "
+        "before, the sensor's limits on logs of other seeds. Rings of 12 to 50 Hz, half plays of 0.2 to 2 mrad or "
+        "none, gears of 50 to 160, 333 to 1000 Hz, twelve turns, load data off by 10 and 5 % (SD). In all, with 95 % "
+        "intervals: answered "
         f"{describe_rate(total['answered'], total['joints'])}; of these the interval holds the truth in "
         f"{describe_rate(total['covered'], total['answered'])}; false all-clears "
         f"{describe_rate(total['false_all_clears'], total['joints'])}; healthy joints called "
