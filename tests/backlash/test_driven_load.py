@@ -44,38 +44,6 @@ def test_slopes_are_those_of_differences(problem, place):
     assert by == pytest.approx(expected, abs=2e-3 * np.abs(expected).max() + 1e-6)
 
 
-def test_teeth_never_pull_and_carry_nothing_inside_the_gap(problem):
-    made, theta = problem
-    contact = driven_load.find_orbit(theta, made.compared, np.zeros(2)).contact
-    inside = np.count_nonzero(contact == 0)
-    assert 0 < inside < 0.2 * contact.size
-    assert contact.min() < 0 < contact.max()
-
-
-def test_half_of_the_spring_begins_where_the_soft_part_ends():
-    pressed = [
-        driven_load._contact_torque(depth + 1e-3, 0.0, 1e-9, 1e-3, 8e3, 0.0, 4e-4)[0]
-        for depth in (2e-4, 4e-4, 6e-4)
-    ]
-    assert pressed == pytest.approx([0.8, 1.6, 3.2])
-
-
-def test_a_low_pass_takes_the_fast_harmonics_and_delays_all(problem):
-    made, theta = problem
-    contact = driven_load.find_orbit(theta, made.compared, np.zeros(2)).contact
-    plain, filtered = (
-        driven_load.predict_torque(
-            np.where(np.arange(theta.size) == driven_load.FILTER, tau, theta),
-            made.compared,
-            contact,
-        )
-        for tau in (0.0, 5.0)
-    )
-    lag = 5e-3 * made.compared.omega
-    assert np.abs(filtered / plain) == pytest.approx(1 / np.hypot(1, lag))
-    assert np.angle(filtered / plain) == pytest.approx(-np.arctan(lag))
-
-
 def gain_by_loss(problem, contact, loss=0.1):
     """What a loss adds to the torque's harmonics."""
     made, theta = problem
@@ -109,17 +77,6 @@ def test_a_smooth_loss_has_no_kink_where_the_torque_crosses_zero(problem):
         contact[7] = near * made.compared.smoothing
         gains.append(np.abs(gain_by_loss(problem, contact) - rest).max())
     assert gains[1] == pytest.approx(4 * gains[0], rel=0.1)  # quadratic at zero
-
-
-def test_harmonics_of_a_turn_are_exact_and_their_noise_is_that_beside_them():
-    t = 1e-3 * np.arange(12000)
-    rng = np.random.default_rng(2)
-    record = Recording(t, np.ones(t.size), 100.0, 0.7531, "made")
-    signal = 3 * np.cos(turns.TURN * 5 * t / 0.7531) + 0.1 * rng.standard_normal(t.size)
-    found = turns.harmonics(record, signal, 100.0)
-    assert 2 * abs(found.coefficient[4]) == pytest.approx(3, rel=2e-3)
-    # White noise of SD s in n samples: s / sqrt(2 n) in each part.
-    assert np.median(found.sd) == pytest.approx(0.1 / np.sqrt(2 * 11250), rel=0.15)
 
 
 # ------------------------------------------------------------------ by hand, and by SciPy

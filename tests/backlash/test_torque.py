@@ -71,10 +71,8 @@ def test_what_does_not_matter_moves_no_answer_by_a_percent(plain, answered, chan
     assert answer(moved).backlash_rad == pytest.approx(answered.backlash_rad, rel=0.01)
 
 
-@pytest.mark.parametrize(("number", "loss"), [(1, 0.02), (2, 0.25), (3, 0.4)])
-def test_a_gear_that_loses_torque_is_answered(number, loss):
-    log = draw_turns(np.random.default_rng((31, number)), DELTA, 0.1, loss)
-    assert is_covered(answer(log), DELTA)
+def test_a_gear_that_loses_much_torque_is_answered():
+    assert is_covered(answer(draw_turns(np.random.default_rng((31, 3)), DELTA, 0.1, 0.4)), DELTA)
 
 
 UNKNOWN_BESIDE = {
@@ -179,6 +177,17 @@ def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain, answered):
         backlash.estimate(plain.t, plain.v, **known, load_mass_kg=20)
     with pytest.raises(backlash.Refusal, match="by its ratios or by its masses"):
         backlash.estimate(plain.t, plain.v, **known, **masses, inertia_ratio=2)
+
+
+@pytest.mark.slow
+def test_a_minimum_that_the_first_starts_miss_is_found_from_the_others():
+    """At first this joint's chi squared ends at 251, with teeth that are damped as no gear's are."""
+    rng = np.random.default_rng((7331, 3, 2))
+    delta = float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3))))
+    log = draw_turns(rng, delta, rng.uniform(0.2, 0.6), rng.uniform(0.1, 0.25))
+    inertia, gravity = np.exp(rng.standard_normal(2) * (0.1, 0.05))
+    load = {"inertia_ratio": inertia * log.inertia_ratio}
+    assert is_covered(answer(log, **load, gravity_per_s2=gravity * log.gravity_per_s2), delta)
 
 
 @pytest.mark.slow
