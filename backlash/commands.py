@@ -10,10 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from backlash import batch, estimates, trends
+from backlash import estimates
 from backlash.calibration import read_calibration
 from backlash.estimates import Estimate
 from backlash.options import Exit
+from backlash.plant import Batch, find_logs, listed_logs, read_batch
 from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
@@ -73,8 +74,8 @@ def run_estimate(options: argparse.Namespace) -> int:
     failures = _failures(options.fail_on)
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
-    source = options.batch or batch.find_logs(options.log, options.out)
-    logs = batch.read_batch(source, _given(options))
+    source = options.batch or find_logs(options.log, options.out)
+    logs = read_batch(source, _given(options))
     count = len(logs.logs)
     if Path(STDIN) in logs.logs and (count > 1 or options.out):
         raise Refusal("- (the standard input) goes alone, and without --out")
@@ -83,16 +84,67 @@ def run_estimate(options: argparse.Namespace) -> int:
     if options.plots:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
-    if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
-        answers = [_estimate_one(logs, options)]
-    else:
-        answers = _estimate_many(logs, options)
+    is_alone = count == 1 and not (options.out or options.plots or options.batch)
+    answers = (_examine_alone if is_alone else _examine_all)(logs, options)
+    if all(answer.is_unusable for answer in answers):
+        which = "" if count == 1 else f"none of {count} logs is usable; the first: "
+        raise Refusal(which + answers[0].explanation)
+    if bad := sum(answer.is_unusable for answer in answers):
+        print(f"{bad} of {count} logs are not usable; their rows say why", file=sys.stderr)
+    if not (options.json or options.jsonl or options.out):
+        print(*answers, sep="\n")
     is_met = any(
         answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
         for answer in answers
         for verdict, limit_rad in failures
     )
     return Exit.FAILED if is_met else Exit.DONE
+
+
+def _examine_alone(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
+    """Answer for one log, whose defects are not held back as those of one among many are."""
+    is_json = options.json or options.jsonl
+    [log], [settings] = logs.logs, logs.settings
+    if is_json or isinstance(settings, Refusal):
+        answer = estimates.examine_or_refuse(log, settings)
+    else:
+        answer = estimates.examine(log, settings)
+    if options.plot and answer.trace:
+        _draw(Path(), answer, options.plot)
+    elif options.plot:
+        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
+    if is_json:
+        row = answer.to_dict()
+        print(_as_json(row, None) if options.jsonl else _as_json([row]))
+    return [answer]
+
+
+def _examine_all(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
+    """Answer for many logs, with joints and dates, each as soon as it is known."""
+    from backlash.batch import as_table, run_batch
+
+    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
+    keys = logs.keys.astype("string").fillna("").to_dict("records")
+    answers: dict[int, Estimate] = {}
+    draw = partial(_draw, options.plots) if options.plots else None
+    for number, answer in run_batch(logs, options.jobs, journal, draw):
+        answers[number] = answer
+        if options.jsonl:
+            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
+    in_order = [answers[number] for number in range(len(keys))]
+    if options.out and not all(answer.is_unusable for answer in in_order):
+        table = logs.keys.join(as_table(in_order))
+        if options.out.suffix.lower() == ".parquet":
+            write_bytes(options.out, table.to_parquet(index=False))
+        else:
+            write_csv(options.out, table)
+    if journal:
+        journal.unlink(missing_ok=True)
+    if options.json:
+        print(
+            _as_json([key | answer.to_dict() for key, answer in zip(keys, in_order, strict=True)])
+        )
+    return in_order
 
 
 def _failures(text: str | None) -> list[tuple[str, float]]:
@@ -109,68 +161,16 @@ def _failures(text: str | None) -> list[tuple[str, float]]:
     return failures
 
 
-def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
-    [log], [settings] = logs.logs, logs.settings
-    if options.json or options.jsonl:
-        answer = batch.examine_or_refuse(log, settings)
-    elif isinstance(settings, Refusal):
-        raise settings
-    else:
-        answer = estimates.examine(log, settings)
-    if options.plot and answer.trace:
-        _draw(Path(), answer, options.plot)
-    elif options.plot:
-        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    if options.jsonl:
-        print(_as_json(answer.to_dict(), None))
-    else:
-        print(_as_json([answer.to_dict()]) if options.json else answer)
-    if batch.is_unusable(answer):
-        raise Refusal(answer.explanation)
-    return answer
-
-
 def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
     from backlash import plots
 
     plots.save_figure(plots.estimate_figure(answer), folder / name)
 
 
-def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
-    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    keys = logs.keys.astype("string").fillna("").to_dict("records")
-    answers: dict[int, Estimate] = {}
-    draw = partial(_draw, options.plots) if options.plots else None
-    for number, answer in batch.run_batch(logs, options.jobs, journal, draw):
-        answers[number] = answer
-        if options.jsonl:
-            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
-    in_order = [answers[number] for number in sorted(answers)]
-    bad = [answer for answer in in_order if batch.is_unusable(answer)]
-    if options.out and len(bad) < len(in_order):
-        table = logs.keys.join(batch.as_table(in_order))
-        if options.out.suffix.lower() == ".parquet":
-            write_bytes(options.out, table.to_parquet(index=False))
-        else:
-            write_csv(options.out, table)
-    if journal:
-        journal.unlink(missing_ok=True)
-    if options.json:
-        print(_as_json([keys[k] | answers[k].to_dict() for k in sorted(answers)]))
-    if len(bad) == len(in_order):
-        raise Refusal(f"none of {len(bad)} logs is usable; the first: {bad[0].explanation}")
-    if bad:
-        what = f"{len(bad)} of {len(in_order)} logs are not usable; their rows say why"
-        print(what, file=sys.stderr)
-    if not (options.json or options.jsonl or options.out):
-        print(*in_order, sep="\n")
-    return in_order
-
-
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
     _check_output(options, "out", (".json",))
-    logs, table = batch.listed_logs(options.table, "log", "backlash_rad")
+    logs, table = listed_logs(options.table, "log", "backlash_rad")
     with naming(str(options.table)):
         delta_rad = numbers(table, "backlash_rad").tolist()
     made = estimates.calibrate(logs, delta_rad, **_given(options))
@@ -186,10 +186,12 @@ def run_calibrate(options: argparse.Namespace) -> int:
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
     _check_output(options, "plot", _FIGURES)
+    from backlash import trends
+
     grown = trends.trend(
-        batch.find_logs(options.log),
+        find_logs(options.log),
         options.dates,
-        limit_rad=options.limit,
+        limit_rad=options.limit_rad,
         relative=options.relative,
         jobs=options.jobs,
         **_given(options),
@@ -200,3 +202,11 @@ def run_trend(options: argparse.Namespace) -> int:
         plots.save_figure(plots.trend_figure(grown), options.plot)
     print(_as_json(grown.to_dict()) if options.json else grown)
     return 0
+
+
+_RUN = {"estimate": run_estimate, "calibrate": run_calibrate, "trend": run_trend}
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command that was asked for; returns its exit status."""
+    return _RUN[options.command](options)

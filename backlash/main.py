@@ -6,7 +6,6 @@ import os
 import sys
 import traceback
 import warnings
-from importlib import import_module
 from pathlib import Path
 
 from backlash.options import Exit, parser
@@ -29,7 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)
-            status: int = options.run(import_module("backlash.commands"), options)
+            from backlash.commands import run  # what only a right command needs
+
+            status = run(options)
             sys.stdout.flush()
             return status
     except (Exception, KeyboardInterrupt) as error:

@@ -2,13 +2,11 @@
 
 import argparse
 from enum import IntEnum
+from functools import partial
 from pathlib import Path
 
 from backlash import __version__
-from backlash.reading import UNITS
-from backlash.refusals import one_line
-
-METHODS = ("torque", "waveform", "amplitude")
+from backlash.refusals import one_line, option_of, unit_of
 
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
@@ -73,38 +71,34 @@ def parser() -> argparse.ArgumentParser:
         prog="backlash", description=_ABOUT, epilog=_STATUS
     )
     whole.add_argument("--version", action="version", version=__version__)
-    commands = whole.add_subparsers(required=True, metavar="COMMAND")
+    commands = whole.add_subparsers(required=True, dest="command", metavar="COMMAND")
     log = argparse.ArgumentParser(add_help=False)
     _add_movement(log)
     _add_columns(log)
     load = argparse.ArgumentParser(add_help=False)
     _add_torque(load)
     _add_speed(load)
-    what = "backlash (half of the play) from logs of the motor encoder and torque"
-    about = f"{_ABOUT} {_EXAMPLE}"
+    load.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores)")
     estimate = commands.add_parser(
-        "estimate", parents=[load, log], help=what, description=about, epilog=_WRONG + _STATUS
+        "estimate",
+        parents=[load, log],
+        help="backlash (half of the play) from logs of the motor encoder and torque",
+        description=f"{_ABOUT} {_EXAMPLE}",
+        epilog=_WRONG + _STATUS,
     )
-    estimate.set_defaults(run=lambda commands, options: commands.run_estimate(options))
     _add_answers(estimate)
     what = "a calibration from logs of known backlash"
-    calibrate = commands.add_parser("calibrate", parents=[log], help=what)
-    calibrate.set_defaults(run=lambda commands, options: commands.run_calibrate(options))
-    _add_calibrate(calibrate)
+    _add_calibrate(commands.add_parser("calibrate", parents=[log], help=what))
     what = "growth of the backlash, and when it crosses a limit"
-    trend = commands.add_parser("trend", parents=[load, log], help=what)
-    trend.set_defaults(run=lambda commands, options: commands.run_trend(options))
-    _add_trend(trend)
-    for command in (estimate, trend):
-        what = "processes (default: all cores)"
-        command.add_argument("--jobs", type=int, default=-1, help=what)
+    _add_trend(commands.add_parser("trend", parents=[load, log], help=what))
     return whole
 
 
-def _add_numbers(group: argparse._ArgumentGroup, *rows: tuple[str, str, str, str]) -> None:
-    """Options of a number each: option, keyword of `estimate`, unit, help."""
-    for option, name, unit, what in rows:
-        group.add_argument(option, dest=name, type=float, metavar=unit, help=what)
+def _add_numbers(group: argparse._ActionsContainer, **what: str) -> None:
+    """Options of a number each: keyword of `estimate`, and help."""
+    for name, text in what.items():
+        unit = unit_of(name) or "n"
+        group.add_argument(option_of(name), dest=name, type=float, metavar=unit.upper(), help=text)
 
 
 def _add_answers(command: argparse.ArgumentParser) -> None:
@@ -120,7 +114,7 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
     add("--out", type=_path, metavar="TABLE", help=what)
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
-    _add_numbers(group, ("--arm", "arm_m", "M", "give the play in mm at this arm, too"))
+    _add_numbers(group, arm_m="give the play in mm at this arm, too")
     what = (
         "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
     )
@@ -145,8 +139,8 @@ def _add_trend(command: argparse.ArgumentParser) -> None:
     what = "logs or folders, dates in their names, like 2024-03-17"
     add("log", nargs="+", type=_path, help=what)
     add("--dates", type=_path, metavar="TABLE", help="CSV with the columns file and date instead")
-    what = "the backlash (half of the play) whose date is wanted, in rad: 0.001 for 1 mrad"
-    add("--limit", type=float, metavar="RAD", help=what)
+    what = "the backlash (half of the play) whose date is wanted: 0.001 for 1 mrad"
+    _add_numbers(command, limit_rad=what)
     what = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
     add("--relative", action="store_true", help=what)
     add("--json", action="store_true", help="print an object")
@@ -159,36 +153,36 @@ def _add_torque(command: argparse.ArgumentParser) -> None:
     group.add_argument("--torque", metavar="COLUMN", help=what)
     _add_numbers(
         group,
-        ("--motor-inertia", "motor_inertia_kgm2", "KGM2", "J_m, to check the torque's unit, too"),
-        ("--load-mass", "load_mass_kg", "KG", "m, of all that the joint moves"),
-        ("--load-arm", "load_arm_m", "M", "r, from the axis to its centre of mass"),
-        ("--load-inertia", "load_inertia_kgm2", "KGM2", "J_l, about the axis (default: m r^2)"),
-        ("--inertia-ratio", "inertia_ratio", "RHO", "J_l/(N^2 J_m), load over motor"),
-        ("--gravity", "gravity_per_s2", "PER_S2", "m g r/J_l; 9.81/r of a point at r [m]"),
-        ("--inertia-sd", "inertia_sd", "SHARE", "relative SD of the inertia ratio (0.1)"),
-        ("--gravity-sd", "gravity_sd", "SHARE", "relative SD of the gravity (0.05)"),
+        motor_inertia_kgm2="J_m, to check the torque's unit, too",
+        load_mass_kg="m, of all that the joint moves",
+        load_arm_m="r, from the axis to its centre of mass",
+        load_inertia_kgm2="J_l, about the axis (default: m r^2)",
+        inertia_ratio="J_l/(N^2 J_m), load over motor",
+        gravity_per_s2="m g r/J_l; 9.81/r of a point at r [m]",
+        inertia_sd="relative SD of the inertia ratio (0.1)",
+        gravity_sd="relative SD of the gravity (0.05)",
     )
 
 
 def _add_speed(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("by the speed alone", _SPEED).add_argument
     add("--calibration", type=_path, metavar="FILE", help="of your joint, see `backlash calibrate`")
-    what = "default: torque with --torque, waveform with --calibration, else amplitude"
-    add("--method", choices=METHODS, help=what)
+    what = "torque (default with --torque), waveform (with --calibration), else amplitude"
+    add("--method", help=what)
 
 
 def _add_movement(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("the movement", _SIDES)
-    ring = "of the oscillation after an impact (21): sample 4 times as fast"
     _add_numbers(
         group,
-        ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn; 1 for the joint's side"),
-        ("--turn-period", "turn_period_s", "S", "of the load [s], instead or too"),
-        ("--commanded-speed", "commanded_speed_rps", "RPS", "to check the unit by"),
-        ("--ring", "ring_hz", "HZ", ring),
-        ("--from", "start_s", "S", "leave out what is before [s from the first sample]"),
-        ("--to", "end_s", "S", "leave out what is after"),
+        gear_ratio="motor turns in a load turn; 1 for the joint's side",
+        turn_period_s="of the load, instead or too",
+        commanded_speed_rps="to check the unit by",
+        ring_hz="of the oscillation after an impact (21): sample 4 times as fast",
     )
+    add = partial(group.add_argument, type=float, metavar="S")
+    add("--from", dest="start_s", help="leave out what is before [s from the first sample]")
+    add("--to", dest="end_s", help="leave out what is after")
     what = "the turn that is given is right, whatever the record seems to repeat itself by"
     group.add_argument("--trust-period", action="store_true", help=what)
 
@@ -201,13 +195,13 @@ def _add_columns(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("the log's columns", what)
     add = group.add_argument
     add("--time", metavar="COLUMN", help="stamps")
-    units = ("s", "ms", "us", "ns", "100ns", "min", "h", "d")
-    add("--time-unit", choices=units, help="of the time stamps")
+    add("--time-unit", metavar="UNIT", help="of the time stamps: s, ms, us, ns, 100ns, min, h, d")
     rate = "without stamps, or where they are to be ignored: samples a second"
-    _add_numbers(group, ("--rate", "rate_hz", "HZ", rate))
+    _add_numbers(group, rate_hz=rate)
     add("--speed", metavar="COLUMN", help="of the motor, or the joint (--gear-ratio 1)")
     add("--position", metavar="COLUMN", help="instead of the speed")
-    what = "of the speed; of a position: rps for turns, rad/s for rad"
-    add("--unit", choices=UNITS, help=what)
-    counts = "encoder counts of a motor turn"
-    _add_numbers(group, ("--counts-per-turn", "counts_per_turn", "N", counts))
+    what = (
+        "of the speed: rps, rpm, rad/s, deg/s, counts; of a position: rps for turns, rad/s for rad"
+    )
+    add("--unit", help=what)
+    _add_numbers(group, counts_per_turn="encoder counts of a motor turn")

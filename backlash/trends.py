@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,11 +18,9 @@ from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__, batch
 from backlash.calibration import MISMATCH, MOST_RAD
-from backlash.reading.batch import KEYS, read_rows
-from backlash.reading.columns import is_positive
+from backlash.plant import KEYS, read_batch, read_rows
 from backlash.reading.sources import name_of
-from backlash.refusals import Refusal, one_line
-from backlash.settings import Given
+from backlash.refusals import Refusal, check_positive, one_line
 from replication.signature import FloatArray
 
 CONFIDENCE = 0.95
@@ -138,7 +136,7 @@ def trend(
     limit_rad: float | None = None,
     relative: bool = False,
     jobs: int = 1,
-    **given: Unpack[Given],
+    **given: Any,
 ) -> Trend:
     """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
 
@@ -178,7 +176,7 @@ def trend(
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise Refusal(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    answers = dict(batch.run_batch(batch.read_batch(logs, given), jobs))
+    answers = dict(batch.run_batch(read_batch(logs, given), jobs))
     table = batch.as_table([answers[number] for number in sorted(answers)])
     return fit_trend(table, days, limit_rad, relative)
 
@@ -246,10 +244,9 @@ def fit_trend(
     relative: bool = False,
 ) -> Trend:
     """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
-    if limit_rad is not None and not (is_positive(limit_rad) and limit_rad <= MOST_RAD):
-        raise Refusal(
-            f"--limit {limit_rad!r}: give a backlash above 0, at most {MOST_RAD:g} [rad]; 1 mrad is 0.001"
-        )
+    check_positive(limit_rad=limit_rad)
+    if limit_rad and limit_rad > MOST_RAD:
+        raise Refusal(f"--limit {limit_rad:g}: give at most {MOST_RAD:g} [rad]; 1 mrad is 0.001")
     relative = relative or bool((answers["verdict"] == "cannot tell").all())
     points = _points(answers.assign(date=list(dates)), relative)
     warnings = _left_out(points, answers)

@@ -2,31 +2,20 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
 import pandas as pd
 
-from backlash.reading import UNITS
 from backlash.reading.tables import Table
-from backlash.reading.units import KNOWN, PER_TURN, SECONDS, split_unit, words_of
-from backlash.refusals import Refusal
+from backlash.reading.units import KNOWN, PER_TURN, SECONDS, UNITS, split_unit, words_of
+from backlash.refusals import Refusal, check_positive
 from replication.signature import FloatArray
 
-_POSITIVE = {
-    "counts_per_turn": "--counts-per-turn",
-    "commanded_speed_rps": "--commanded-speed",
-    "turn_period_s": "--turn-period",
-    "gear_ratio": "--gear-ratio",
-    "rate_hz": "--rate",
-    "ring_hz": "--ring",
-}
+_POSITIVE = (
+    *("counts_per_turn", "commanded_speed_rps", "turn_period_s", "gear_ratio", "rate_hz"),
+    "ring_hz",
+)
 _MOST = 1e30  # of what is measured; its square is a number, too
-
-
-def is_positive(value: object) -> bool:
-    """Whether a value is a finite number above 0."""
-    return isinstance(value, Real) and 0 < float(value) < np.inf
 
 
 @dataclass(frozen=True)
@@ -56,10 +45,7 @@ class LogFormat:
 
     def __post_init__(self):
         """Refuse what no log could be read with, in one line."""
-        for name, option in _POSITIVE.items():
-            value = getattr(self, name)
-            if value is not None and not is_positive(value):
-                raise Refusal(f"{option} {value!r}: give a finite number above 0")
+        check_positive(**{name: getattr(self, name) for name in _POSITIVE})
         if self.turn_period_s is None and self.gear_ratio is None:
             raise Refusal("the load's turn is not known: give --turn-period (in s) or --gear-ratio")
         if self.speed is not None and self.position is not None:
