@@ -18,8 +18,6 @@ _LONGEST_STEP = 3.5  # in sampling periods
 _LONGEST_FILLED_S = 0.010
 _MOST_INVENTED = 0.1  # of the samples; above, the stamps are not those of the samples
 _FEW_GAPS = 0.02  # of the steps; more are bursts or lost samples
-_FIRST = 64  # samples within which a clock's error does not add up to one
-_TRIALS = 81  # periods, over which the phase of a part's stamps turns by less than half a turn from one to the next
 _SINCE_1970_S = (1e9, 4e9)  # from 2001 to 2096
 
 
@@ -105,37 +103,18 @@ def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
 
 
 def _numbers_on_grid(t: FloatArray, dt: float) -> NDArray[np.int64]:
-    """Numbers of samples on the grid that they were taken on: an even one, or one whose clock drifts.
+    """Numbers of samples on the grid that they were taken on, without holes or with those that long steps tell of.
 
-    The numbers of the fewest holes are taken.
+    Taken is what a clock explains better: steps are long also where stamps are late.
     """
     steps = np.maximum(np.rint(np.diff(t) / dt), 1.0).astype(np.int64)
-    drifting = np.concatenate(([0], np.cumsum(steps)))
-    even = _numbers_in_phase(t, dt)
-    if even[-1] == t.size - 1:  # none is missing, however late its stamp is
-        return np.arange(t.size)
-    is_even = bool((np.diff(even) > 0).all()) and even[-1] <= drifting[-1]
-    return even if is_even else drifting
+    with_holes = np.concatenate(([0], np.cumsum(steps)))
 
+    def stray(k: NDArray[np.int64]) -> float:
+        slope, start = np.polyfit(k, t, 1)
+        return float(np.std((t - start) / slope - k))
 
-def _numbers_in_phase(t: FloatArray, dt: float) -> NDArray[np.int64]:
-    """Numbers on an even grid, some twice if there is none.
-
-    Its period is what brings the stamps in phase, at first those of a short part, then of longer ones.
-    """
-    since = t - t[0]
-    reach, size, start = 0.1, 0, 0.0
-    while size < t.size:
-        size = min(max(_FIRST, 4 * size), t.size)
-        trials = dt * (1 + reach * np.linspace(-1, 1, _TRIALS))
-        part = since[: size : max(1, size // 2048)]
-        phases = np.exp(2j * np.pi * part / trials[:, None]).sum(axis=1)
-        best = int(np.abs(phases).argmax())
-        dt = trials[best]
-        start = dt * np.angle(phases[best]) / (2 * np.pi)
-        reach = 1.5 / size
-    k = np.rint((since - start) / dt).astype(np.int64)
-    return k - k[0]
+    return min(np.arange(t.size), with_holes, key=stray)
 
 
 def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
