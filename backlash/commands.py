@@ -3,7 +3,6 @@
 import argparse
 import json
 import os
-import re
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from backlash import estimates
-from backlash.calibration import read_calibration
 from backlash.estimates import Estimate
 from backlash.options import Exit
 from backlash.plant import Batch, find_logs, listed_logs, read_batch
@@ -21,25 +19,19 @@ from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
 from replication.records import write_bytes, write_csv, write_text
 
-_FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _OURS = (b"total_play_high_rad", b'"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
 
 def _given(options: argparse.Namespace) -> dict[str, Any]:
-    """Keywords of `estimate` by the options; a calibration is read once."""
-    given = {name: getattr(options, name, None) for name in GIVEN}
-    given["calibration"] = read_calibration(given["calibration"])
-    return {name: value for name, value in given.items() if value is not None}
+    """Keywords of `estimate` by the options."""
+    return {name: value for name, value in vars(options).items() if name in GIVEN}
 
 
-def _check_output(options: argparse.Namespace, option: str, endings: Sequence[str]) -> None:
+def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | None) -> None:
     """Refuse an output that could not be written, or would overwrite an input, before the work is done."""
-    given = vars(options)
-    path: Path | None = given[option]
     if not path:
         return
-    inputs = [*given.get("log", []), *map(given.get, ("batch", "calibration", "table", "dates"))]
     problem = ""
     if os.path.realpath(path) in {os.path.realpath(name) for name in inputs if name}:
         problem = "that is one of the inputs; name another file"
@@ -47,13 +39,13 @@ def _check_output(options: argparse.Namespace, option: str, endings: Sequence[st
         problem = f"its name must end in {' or '.join(endings)}"
     elif path.is_dir() or not os.access(path.parent, os.W_OK):
         problem = "cannot be written there; name a file in a folder that you may write to"
-    elif option == "out" and path.exists() and not _is_ours(path):
+    elif endings is not _FIGURES and path.exists() and not _is_ours(path):
         problem = "that file is not of this command; name another, or remove it"
     if problem:
-        raise Refusal(f"--{option} {path}: {problem}")
+        raise Refusal(f"{path}: {problem}")
     if path.suffix.lower() == ".parquet":
         library("pyarrow", "parquet")
-    if option == "plot":
+    if endings is _FIGURES:
         library("matplotlib", "plot")
 
 
@@ -69,9 +61,9 @@ def _as_json(content: object, indent: int | None = 1) -> str:
 
 def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
-    _check_output(options, "plot", _FIGURES)
-    _check_output(options, "out", (".csv", ".parquet"))
-    failures = _failures(options.fail_on)
+    inputs = (*options.log, options.batch, options.calibration)
+    _check_output(options.plot, _FIGURES, *inputs)
+    _check_output(options.out, (".csv", ".parquet"), *inputs)
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
     source = options.batch or find_logs(options.log, options.out)
@@ -93,12 +85,7 @@ def run_estimate(options: argparse.Namespace) -> int:
         print(f"{bad} of {count} logs are not usable; their rows say why", file=sys.stderr)
     if not (options.json or options.jsonl or options.out):
         print(*answers, sep="\n")
-    is_met = any(
-        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
-        for answer in answers
-        for verdict, limit_rad in failures
-    )
-    return Exit.FAILED if is_met else Exit.DONE
+    return Exit.DONE
 
 
 def _examine_alone(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
@@ -147,20 +134,6 @@ def _examine_all(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
     return in_order
 
 
-def _failures(text: str | None) -> list[tuple[str, float]]:
-    """Verdicts of --fail-on, each with the backlash [rad] above which it counts."""
-    failures = []
-    for term in text.split(",") if text is not None else ():
-        match = _FAIL_ON.fullmatch(term.strip())
-        if not match:
-            raise Refusal(
-                f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
-            )
-        verdict = (match[1] or "backlash").replace("-", " ")
-        failures.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
-    return failures
-
-
 def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
     from backlash import plots
 
@@ -169,7 +142,7 @@ def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
 
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
-    _check_output(options, "out", (".json",))
+    _check_output(options.out, (".json",), options.table)
     logs, table = listed_logs(options.table, "log", "backlash_rad")
     with naming(str(options.table)):
         delta_rad = numbers(table, "backlash_rad").tolist()
@@ -185,7 +158,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
 
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
-    _check_output(options, "plot", _FIGURES)
+    _check_output(options.plot, _FIGURES, *options.log, options.calibration, options.dates)
     from backlash import trends
 
     grown = trends.trend(

@@ -13,7 +13,7 @@ _ABOUT = (
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
     "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered."
 )
-_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
+_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 130 interrupted."
 _EXAMPLE = (
     "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
     "or more: backlash estimate log.csv --unit rpm --torque torque --gear-ratio 100 --motor-inertia 1e-4 "
@@ -48,7 +48,6 @@ class Exit(IntEnum):
     DONE = 0
     DEFECT = 1
     UNUSABLE = 2
-    FAILED = 3
     INTERRUPTED = 130
 
 
@@ -115,10 +114,6 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
     _add_numbers(group, arm_m="give the play in mm at this arm, too")
-    what = (
-        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
-    )
-    add("--fail-on", metavar="LIST", help=what)
     what = (
         "CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
         "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "

@@ -36,19 +36,19 @@ class Batch(NamedTuple):
 
 def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
-    if not isinstance(source, pd.DataFrame | str | PathLike):
-        if not isinstance(source, Sequence):
-            raise Refusal(
-                f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
-            )
-        known = {**given, "calibration": read_calibration(given.get("calibration"))}
+    read = cache(read_calibration)
+    given = {**given, "calibration": read(given.get("calibration"))}
+    if isinstance(source, Sequence) and not isinstance(source, str):
         keys = pd.DataFrame(index=range(len(source)))
-        return Batch(source, [settings_for(log, known) for log in source], keys)
+        return Batch(source, [settings_for(log, given) for log in source], keys)
+    if not isinstance(source, pd.DataFrame | str | PathLike):
+        raise Refusal(
+            f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
+        )
     logs, table = listed_logs(source, "file")
     columns = ("file", *KEYS, *GIVEN)
     if unknown := {*table}.difference(columns):
         raise Refusal(f"{_called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
-    read = cache(read_calibration)
     settings: list[Settings | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:

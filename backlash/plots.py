@@ -82,8 +82,8 @@ def trend_figure(trend: Trend) -> Figure:
         axis.axhline(scale * trend.limit_rad, color="C3", linestyle="--", label="limit")
         first, after = trend.crossing_interval
         if first and after:
-            span = first, min(after, dates[-1])
-            axis.axvspan(*span, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
+            after = min(after, dates[-1])
+            axis.axvspan(first, after, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.margins(x=0.03)
     axis.set(ylabel=f"{name} [{unit}]", ylim=(0, None))

@@ -18,6 +18,7 @@ from scipy.special import fdtri, ndtri, stdtrit
 
 from backlash import __version__, batch
 from backlash.calibration import MISMATCH, MOST_RAD
+from backlash.estimates import CANNOT_TELL
 from backlash.plant import KEYS, read_batch, read_rows
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, check_positive, one_line
@@ -82,26 +83,18 @@ class Trend:
         return (1.0, "% of the first") if self.is_relative else (1e3, "mrad")
 
     def to_dict(self) -> dict[str, object]:
-        """The points, growth and crossing, ready for JSON; keys say the unit."""
-        name, unit = ("relative_index", "percent") if self.is_relative else ("backlash", "rad")
-        points = [
-            {
-                "file": row.file,
-                "date": _day(row.date),
-                f"{name}_{unit}": row.value,
-                f"{name}_interval_{unit}": [row.low, row.high],
-            }
-            for row in self.points.itertuples()
-        ]
+        """The points, growth and crossing, ready for JSON."""
+        dates = self.points["date"].dt.strftime("%Y-%m-%d")
         return {
-            "points": points,
-            f"growth_{unit}_per_day": self.line[1],
-            f"growth_interval_{unit}_per_day": list(self.growth_interval),
+            "points": self.points.assign(date=dates).to_dict("records"),
+            "unit": "percent" if self.is_relative else "rad",
+            "growth_per_day": self.line[1],
+            "growth_interval_per_day": self.growth_interval,
             "limit_rad": self.limit_rad,
             "crossing_date": _day(self.crossing),
             "crossing_interval": [_day(end) for end in self.crossing_interval],
             "confidence": CONFIDENCE,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
             "is_relative": self.is_relative,
             "alarm": self.alarm,
             "version": __version__,
@@ -247,7 +240,7 @@ def fit_trend(
     check_positive(limit_rad=limit_rad)
     if limit_rad and limit_rad > MOST_RAD:
         raise Refusal(f"--limit {limit_rad:g}: give at most {MOST_RAD:g} [rad]; 1 mrad is 0.001")
-    relative = relative or bool((answers["verdict"] == "cannot tell").all())
+    relative = relative or bool((answers["verdict"] == CANNOT_TELL).all())
     points = _points(answers.assign(date=list(dates)), relative)
     warnings = _left_out(points, answers)
     if relative:
@@ -256,21 +249,23 @@ def fit_trend(
         limit_rad = None
     value = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
-    weight = 1 / np.maximum(deviation, 1e-3 * value.max()) ** 2
-    first = points["date"].iloc[0]
-    since = days_since(points["date"], first)
-    middle = float(weight @ since / weight.sum())
-    days = since - middle
+    weight = 1 / np.maximum(deviation, 1e-3 * value.max())
+    since = days_since(points["date"], points["date"].iloc[0])
+    days = since - np.average(since, weights=weight**2)
     # Of the growth since the first log: equal estimates then have a slope of zero, to the last
     # digit.
     grown = value - value[0]
-    line, covariance = np.polyfit(days, grown, 1, w=np.sqrt(weight), cov="unscaled")
+    line, covariance = np.polyfit(days, grown, 1, w=weight, cov="unscaled")
     freedom = value.size - 2
-    chi2 = float(weight @ (grown - np.polyval(line, days)) ** 2)
+    chi2, curved = (_misfit(days, grown, weight, degree) for degree in (1, 2))
     (of_growth, shared), (_, of_value) = covariance * max(1.0, chi2 / freedom)
+    # Whether a parabola is better than the line, by an F test at 5 %.
+    gain = (chi2 - curved) / max(curved / max(freedom - 1, 1), 1.0)
+    if freedom > 2 and gain > fdtri(1, freedom - 1, 0.95):
+        warnings.append("the growth is no straight line: the date of the crossing may be far off")
     fitted = Trend(
         points=points,
-        origin=first + pd.Timedelta(days=middle),
+        origin=points["date"].iloc[0] - pd.Timedelta(days=days[0]),
         line=(float(value[0] + line[1]), float(line[0])),
         variance=np.poly1d([of_growth, 2 * shared, of_value]),
         quantile=float(stdtrit(freedom, (1 + CONFIDENCE) / 2)),
@@ -278,9 +273,13 @@ def fit_trend(
         is_relative=relative,
         warnings=(),
     )
-    if freedom > 2 and _is_curved(days, grown, weight, chi2):
-        warnings.append("the growth is no straight line: the date of the crossing may be far off")
     return replace(fitted, warnings=(*warnings, *_notes_on_crossing(fitted)))
+
+
+def _misfit(days: FloatArray, grown: FloatArray, weight: FloatArray, degree: int) -> float:
+    """Chi squared of the best polynomial of a degree."""
+    fit = np.polyfit(days, grown, degree, w=weight)
+    return float(np.square(weight * (grown - np.polyval(fit, days))).sum())
 
 
 def days_since(dates: pd.Series, origin: pd.Timestamp) -> FloatArray:
@@ -328,14 +327,6 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
             raise Refusal(f"{what}: amplitudes are only comparable between logs of one movement")
     points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
     return points
-
-
-def _is_curved(days: FloatArray, grown: FloatArray, weight: FloatArray, chi2: float) -> bool:
-    """Whether a parabola is better than the line, by an F test at 5 %."""
-    parabola = np.polyfit(days, grown, 2, w=np.sqrt(weight))
-    curved = float(weight @ (grown - np.polyval(parabola, days)) ** 2)
-    freedom = days.size - 3
-    return (chi2 - curved) / max(curved / freedom, 1.0) > fdtri(1, freedom, 0.95)
 
 
 def _day(stamp: pd.Timestamp | None) -> str | None:

@@ -46,16 +46,6 @@ def test_an_answer_is_printed_and_its_fit_drawn(log, tmp_path, capsys):
     assert figure.stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("words", "met"),
-    [("backlash>0.5mrad", 3), ("backlash>1.5mrad", 0), ("cannot-tell,no-backlash", 0)],
-)
-def test_an_exit_status_tells_a_plant_s_program(log, words, met, monkeypatch, capsys):
-    found = Estimate("log", "backlash", backlash_rad=1e-3, backlash_interval_rad=(9e-4, 1.1e-3))
-    monkeypatch.setattr(estimates, "examine", Mock(return_value=found))
-    assert command("estimate", log, SPEED, "--fail-on", f"'{words}'") == met
-
-
 def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_path, capsys):
     out = tmp_path / "answers.csv"
     for _ in range(2):
@@ -100,7 +90,6 @@ def test_a_trend_of_amplitudes_needs_no_calibration(tmp_path, capsys):
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
         ("--turn-period 0.4 --jobs 0 --out answers.csv", "--jobs 0"),
-        ("--turn-period 0.4 --fail-on much", "--fail-on 'much'"),
         ("--turn-period 0.4 --calibration missing.json", "missing.json"),
     ],
 )
