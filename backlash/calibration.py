@@ -88,8 +88,9 @@ def read_calibration(source: Calibration | str | PathLike[str] | None) -> Calibr
         made = Calibration(bank, **others)
         _check(made)
     except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise Refusal(f"{source}: not a calibration file ({what}); make one anew") from None
+        raise Refusal(
+            f"{source}: not a calibration file ({type(error).__name__}: {error}); make one anew"
+        ) from None
     return made
 
 

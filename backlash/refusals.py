@@ -93,5 +93,6 @@ def library(name: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        what = f"{name} is not installed: pip install 'backlash-replication[{extra}]'"
-        raise Refusal(f"{what}, or keep to CSV") from error
+        raise Refusal(
+            f"{name} is not installed: pip install 'backlash-replication[{extra}]', or keep to CSV"
+        ) from error

@@ -49,8 +49,10 @@ def settings_for(log: object, given: Mapping[str, Any]) -> Settings:
     if method not in METHODS:
         raise Refusal(f"--method {method}: there are {', '.join(METHODS)}")
     if set(asked) - {method}:
-        what = "the torque and its load are of method torque, a calibration of method waveform"
-        raise Refusal(f"{what}: leave out all but one")
+        raise Refusal(
+            "the torque and its load are of method torque, a calibration of method waveform: "
+            "leave out all but one"
+        )
     if method == TORQUE:
         return Settings(form, method, load=_load_of(form, given), arm_m=arm_m)
     if method == WAVEFORM:

@@ -323,8 +323,10 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
         values = used[name]
         if values.max() > (1 + MISMATCH) * values.min():
             other = used["file"][(values / values.median() - 1).abs().idxmax()]
-            what = f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others"
-            raise Refusal(f"{what}: amplitudes are only comparable between logs of one movement")
+            raise Refusal(
+                f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others: "
+                "amplitudes are only comparable between logs of one movement"
+            )
     points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
     return points
 

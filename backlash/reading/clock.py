@@ -64,8 +64,11 @@ def refuse_backward(t: FloatArray, rows: pd.Index) -> None:
     if wrong.size:
         k = wrong[0] + 1
         where = f"{t[k]:.6g} s follow {t[k - 1]:.6g} s after the first"
-        what = f"its time stamps start anew or run backward ({where}; {wrong.size} such rows)"
-        raise Refusal(f"{what}; keep one run, sorted by time", row=rows[k])
+        raise Refusal(
+            f"its time stamps start anew or run backward ({where}; {wrong.size} such rows); "
+            "keep one run, sorted by time",
+            row=rows[k],
+        )
 
 
 def sampling_period(t: FloatArray, least_hz: float, ring_hz: float) -> float:
@@ -79,9 +82,11 @@ def sampling_period(t: FloatArray, least_hz: float, ring_hz: float) -> float:
     if np.mean(missing > 0) > _FEW_GAPS:
         _refuse_invented(int(missing.sum()), t)
     if rate < least_hz:
-        what = f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least"
         cure = "--ring gives the joint's own; are the time stamps in s? if not, give --time-unit"
-        raise Refusal(f"{what} ({cure})")
+        raise Refusal(
+            f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least"
+            f" ({cure})"
+        )
     return dt
 
 
@@ -90,9 +95,11 @@ def _refuse_invented(missing: int, t: FloatArray) -> None:
     share = missing / (missing + t.size)
     if share > _MOST_INVENTED:
         rate = (t.size - 1) / (t[-1] - t[0])
-        what = f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented"
         cure = f"--rate {rate:.6g}, if it was sampled evenly"
-        raise Refusal(f"{what}; there are {rate:.6g} samples a second: give {cure}")
+        raise Refusal(
+            f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented; "
+            f"there are {rate:.6g} samples a second: give {cure}"
+        )
 
 
 def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:

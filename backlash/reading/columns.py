@@ -119,9 +119,11 @@ def choose_columns(table: Table, form: LogFormat) -> Columns:
         _refuse_other_stamps(table.frame, time, torque)
     is_links = form.gear_ratio == 1 or bool(words_of(signal) & {*KNOWN["sides"]["link"]})
     if is_links and form.gear_ratio not in (None, 1) and not given:
-        problem = f"{signal!r} is the joint's side of the gear by its name"
         cure = "--speed or --position with the motor's column, or --gear-ratio 1"
-        raise Refusal(f"{problem}, --gear-ratio {form.gear_ratio:g} needs the motor's; give {cure}")
+        raise Refusal(
+            f"{signal!r} is the joint's side of the gear by its name, "
+            f"--gear-ratio {form.gear_ratio:g} needs the motor's; give {cure}"
+        )
     unit = _unit_of(signal, is_position, form)
     return Columns(time, "", signal, unit, is_position, torque, table.sheet, is_links)
 
@@ -132,8 +134,10 @@ def _refuse_other_stamps(frame: pd.DataFrame, time: str, torque: str) -> None:
     for other in {*frame.columns[max(at - 1, 0) : at + 2]} - {time, torque}:
         is_time = split_unit(other)[1] in SECONDS or split_unit(other)[0] == split_unit(time)[0]
         if is_time and not frame[other].equals(frame[time].rename(other)):
-            what = f"torque {torque!r} has time stamps of its own in {other!r}"
-            raise Refusal(f"{what}; export speed and torque at the same instants")
+            raise Refusal(
+                f"torque {torque!r} has time stamps of its own in {other!r}; "
+                "export speed and torque at the same instants"
+            )
 
 
 def given_column(columns: Sequence[str], given: str) -> str:
@@ -172,8 +176,10 @@ def _signal_column(columns: Sequence[str]) -> tuple[str, bool]:
     if columns and all(map(str.isdigit, columns)):
         if len(columns) == 1:
             return columns[0], False
-        what = f"{len(columns)} columns besides the time, without names"
-        raise Refusal(f"{what}; give --time and --speed by number, and --unit")
+        raise Refusal(
+            f"{len(columns)} columns besides the time, without names; "
+            "give --time and --speed by number, and --unit"
+        )
     motor, link = ({*KNOWN["sides"][side]} for side in ("motor", "link"))
     measured = [name for name in columns if not words_of(name) & {*KNOWN["no_measurement"]}]
     speeds = _named_as(measured, "speed")
@@ -182,8 +188,9 @@ def _signal_column(columns: Sequence[str]) -> tuple[str, bool]:
         lambda name: (bool(words_of(name) & motor), not words_of(name) & link, name in speeds),
     )
     if not either:
-        problem = f"no column of a measured speed or position among {_listed(columns)}"
-        raise Refusal(f"{problem}; give --speed")
+        raise Refusal(
+            f"no column of a measured speed or position among {_listed(columns)}; give --speed"
+        )
     what = "speed" if either[0] in speeds else "position"
     if len(either) > 1:
         raise Refusal(f"which column is the motor's {what}: {_listed(either)}? give --{what}")
@@ -196,8 +203,9 @@ def _time_column(columns: Sequence[str], frame: pd.DataFrame) -> str:
         return columns[0]
     named = _named_as(columns, "time")
     if len(named) > 1 and named[-1].lower().endswith(("nsec", "nsecs", "nanosec")):
-        cure = "export it as one, in s or ns, or give --rate"
-        raise Refusal(f"{named[-1]!r} is a part of a stamp in two columns; {cure}")
+        raise Refusal(
+            f"{named[-1]!r} is a part of a stamp in two columns; export it as one, in s or ns, or give --rate"
+        )
     named = _best(
         named,
         lambda name: (
@@ -234,8 +242,9 @@ def _unit_of(column: str, is_position: bool, form: LogFormat) -> str:
     """Unit of a speed or position: the name's or the one that is given, never a guess."""
     named = split_unit(column)[1]
     if named in KNOWN["spellings"] and form.unit and PER_TURN.get(named) != PER_TURN.get(form.unit):
-        problem = f"column {column!r} says {named}, --unit says {form.unit}"
-        raise Refusal(f"{problem}; leave --unit out, or rename")
+        raise Refusal(
+            f"column {column!r} says {named}, --unit says {form.unit}; leave --unit out, or rename"
+        )
     unit = form.unit or named or ("counts" if form.counts_per_turn else "")
     if unit not in KNOWN["spellings"] or (is_position and unit == "rpm"):
         which = f"the unit {unit!r} of {column!r}" if unit else f"the unit of {column!r}"
