@@ -96,21 +96,15 @@ def read_calibration(source: Calibration | str | PathLike[str] | None) -> Calibr
 
 def _check(made: Calibration) -> None:
     """Refuse what no calibration of ours could have."""
-    bank = made.bank
-    delta, waveforms = bank.delta_rad, bank.waveform_rps
+    delta, waveforms = made.bank.delta_rad, made.bank.waveform_rps
     if waveforms.ndim != 2 or waveforms.shape[:1] != delta.shape or delta.size < LEAST_LEVELS:
         raise ValueError("the waveforms do not fit their backlashes")
-    numbers = [made.uncertainty_rad, made.turn_period_s, made.commanded_speed_rps]
-    if not (np.isfinite([waveforms.sum(), delta.sum(), *numbers]).all() and min(numbers) > 0):
-        raise ValueError("a number is not finite, or not above 0")
-    if not (delta[0] >= 0 and (np.diff(delta) > 0).all()):
-        raise ValueError("its backlashes do not increase from 0 on")
-
-
-def leave_one_out_sd(errors_rad: FloatArray) -> float:
-    """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
-    rms = np.sqrt(np.mean(errors_rad**2))
-    return float(rms * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
+    numbers = (made.uncertainty_rad, made.turn_period_s, made.commanded_speed_rps, *np.diff(delta))
+    is_finite = np.isfinite([waveforms.sum(), *numbers]).all()
+    if not (is_finite and min(numbers) > 0 and delta[0] >= 0):
+        raise ValueError(
+            "a number is not finite, or not above 0, or the backlashes do not increase"
+        )
 
 
 def _bank_uncertainty(
@@ -119,15 +113,15 @@ def _bank_uncertainty(
     """Leave-one-level-out error of a bank [rad]; refused where matches do not grow with the backlash."""
     level = np.searchsorted(bank.delta_rad, delta)
     inner = np.flatnonzero((level > 0) & (level < bank.delta_rad.size - 1)).tolist()
-    matched = [match(recordings[k], bank.without(int(level[k]))).delta_rad for k in inner]
-    errors = np.array(matched) - delta[inner]
-    by_level = [np.mean((errors + delta[inner])[delta[inner] == d]) for d in bank.delta_rad[1:-1]]
-    if not (np.diff(by_level) > 0).all():
+    matched = np.array([match(recordings[k], bank.without(int(level[k]))).delta_rad for k in inner])
+    if not (np.diff([matched[delta[inner] == d].mean() for d in bank.delta_rad[1:-1]]) > 0).all():
         raise Refusal(
             "logs that the others predict do not come in the order of their backlashes; check the known backlashes, or "
             "add logs if there are few"
         )
-    return leave_one_out_sd(errors)
+    rms = np.sqrt(np.mean((matched - delta[inner]) ** 2))
+    # The SD of a normal error with the 95 % range of Student's for this RMS of so few errors.
+    return float(rms * stdtrit(len(inner), 0.975) / ndtri(0.975))
 
 
 def fit_calibration(

@@ -86,10 +86,16 @@ def parser() -> argparse.ArgumentParser:
         epilog=_WRONG + _STATUS,
     )
     _add_answers(estimate)
-    what = "a calibration from logs of known backlash"
-    _add_calibrate(commands.add_parser("calibrate", parents=[log], help=what))
-    what = "growth of the backlash, and when it crosses a limit"
-    _add_trend(commands.add_parser("trend", parents=[load, log], help=what))
+    _add_calibrate(
+        commands.add_parser(
+            "calibrate", parents=[log], help="a calibration from logs of known backlash"
+        )
+    )
+    _add_trend(
+        commands.add_parser(
+            "trend", parents=[load, log], help="growth of the backlash, and when it crosses a limit"
+        )
+    )
     return whole
 
 
@@ -101,51 +107,72 @@ def _add_numbers(group: argparse._ActionsContainer, **what: str) -> None:
 
 
 def _add_answers(command: argparse.ArgumentParser) -> None:
-    what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
-    command.add_argument("log", nargs="*", type=_path, help=what)
+    command.add_argument(
+        "log",
+        nargs="*",
+        type=_path,
+        help="CSV, XLSX or Parquet files, or folders of them; - is the standard input",
+    )
     group = command.add_argument_group("answers")
     add = group.add_argument
-    what = "print an array with an object for each log, at the end"
-    add("--json", action="store_true", help=what)
-    what = "print a line with an object for each log, as soon as it is answered"
-    add("--jsonl", action="store_true", help=what)
-    what = "write a table, one row per log: .csv or .parquet; interrupted, the same command goes on"
-    add("--out", type=_path, metavar="TABLE", help=what)
+    add(
+        "--json", action="store_true", help="print an array with an object for each log, at the end"
+    )
+    add(
+        "--jsonl",
+        action="store_true",
+        help="print a line with an object for each log, as soon as it is answered",
+    )
+    add(
+        "--out",
+        type=_path,
+        metavar="TABLE",
+        help="write a table, one row per log: .csv or .parquet; interrupted, the same command goes on",
+    )
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
     _add_numbers(group, arm_m="give the play in mm at this arm, too")
-    what = (
-        "CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
-        "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
-        "calibration, ..."
+    add(
+        "--batch",
+        type=_path,
+        metavar="TABLE",
+        help="CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, "
+        "torque, inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
+        "calibration, ...",
     )
-    add("--batch", type=_path, metavar="TABLE", help=what)
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    what = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
-    add("table", type=_path, help=what)
+    add(
+        "table",
+        type=_path,
+        help="CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more",
+    )
     add("--out", type=_path, required=True, metavar="FILE", help="the calibration, .json")
 
 
 def _add_trend(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    what = "logs or folders, dates in their names, like 2024-03-17"
-    add("log", nargs="+", type=_path, help=what)
+    add("log", nargs="+", type=_path, help="logs or folders, dates in their names, like 2024-03-17")
     add("--dates", type=_path, metavar="TABLE", help="CSV with the columns file and date instead")
-    what = "the backlash (half of the play) whose date is wanted: 0.001 for 1 mrad"
-    _add_numbers(command, limit_rad=what)
-    what = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
-    add("--relative", action="store_true", help=what)
+    _add_numbers(
+        command, limit_rad="the backlash (half of the play) whose date is wanted: 0.001 for 1 mrad"
+    )
+    add(
+        "--relative",
+        action="store_true",
+        help="growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told",
+    )
     add("--json", action="store_true", help="print an object")
     add("--plot", type=_path, metavar="FILE", help=_FIGURE)
 
 
 def _add_torque(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("by the torque (recommended)", _TORQUE)
-    what = "or current; positive if it drives forward"
-    group.add_argument("--torque", metavar="COLUMN", help=what)
+    group.add_argument(
+        "--torque", metavar="COLUMN", help="or current; positive if it drives forward"
+    )
     _add_numbers(
         group,
         motor_inertia_kgm2="J_m, to check the torque's unit, too",
@@ -162,8 +189,10 @@ def _add_torque(command: argparse.ArgumentParser) -> None:
 def _add_speed(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("by the speed alone", _SPEED).add_argument
     add("--calibration", type=_path, metavar="FILE", help="of your joint, see `backlash calibrate`")
-    what = "torque (default with --torque), waveform (with --calibration), else amplitude"
-    add("--method", help=what)
+    add(
+        "--method",
+        help="torque (default with --torque), waveform (with --calibration), else amplitude",
+    )
 
 
 def _add_movement(command: argparse.ArgumentParser) -> None:
@@ -178,8 +207,11 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
     add = partial(group.add_argument, type=float, metavar="S")
     add("--from", dest="start_s", help="leave out what is before [s from the first sample]")
     add("--to", dest="end_s", help="leave out what is after")
-    what = "the turn that is given is right, whatever the record seems to repeat itself by"
-    group.add_argument("--trust-period", action="store_true", help=what)
+    group.add_argument(
+        "--trust-period",
+        action="store_true",
+        help="the turn that is given is right, whatever the record seems to repeat itself by",
+    )
 
 
 def _add_columns(command: argparse.ArgumentParser) -> None:
@@ -191,12 +223,11 @@ def _add_columns(command: argparse.ArgumentParser) -> None:
     add = group.add_argument
     add("--time", metavar="COLUMN", help="stamps")
     add("--time-unit", metavar="UNIT", help="of the time stamps: s, ms, us, ns, 100ns, min, h, d")
-    rate = "without stamps, or where they are to be ignored: samples a second"
-    _add_numbers(group, rate_hz=rate)
+    _add_numbers(group, rate_hz="without stamps, or where they are to be ignored: samples a second")
     add("--speed", metavar="COLUMN", help="of the motor, or the joint (--gear-ratio 1)")
     add("--position", metavar="COLUMN", help="instead of the speed")
-    what = (
-        "of the speed: rps, rpm, rad/s, deg/s, counts; of a position: rps for turns, rad/s for rad"
+    add(
+        "--unit",
+        help="of the speed: rps, rpm, rad/s, deg/s, counts; of a position: rps for turns, rad/s for rad",
     )
-    add("--unit", help=what)
     _add_numbers(group, counts_per_turn="encoder counts of a motor turn")

@@ -116,7 +116,7 @@ def match(recording: Recording, bank: WaveformBank, is_own: bool = False) -> Wav
     """
     seen = harmonics(recording, recording.v, FASTEST_HZ)
     used = min(seen.order.size, bank.waveform_rps.shape[1] // 2)
-    seen = Harmonics(seen.order[:used], seen.omega[:used], seen.coefficient[:used], seen.sd[:used])
+    seen = Harmonics._make(part[:used] for part in seen)
     size = np.linalg.norm(seen.coefficient)
     # The mean turn's noise, and what no model of a joint explains.
     sd = np.hypot(seen.sd, _MODEL_ERROR * size / np.sqrt(2 * used))

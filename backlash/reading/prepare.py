@@ -282,11 +282,11 @@ def _level(v: FloatArray, expected: float | None) -> float:
         is_near = np.abs(speed / expected - 1) < 2 * _TOLERANCE
         if np.mean(is_near) > 0.1:
             return float(np.median(speed[is_near]))
-    count, edges = np.histogram(speed, 200, (0, speed.max()))
-    count[:10] = 0  # standing still
-    best = int(np.convolve(count, np.ones(3), mode="same").argmax())
-    low, high = edges[best - 1], edges[min(best + 2, 200)]
-    return float(np.median(speed[(speed >= low) & (speed <= high)]))
+    rising = np.sort(speed[speed > 0.05 * speed.max()])  # not standing still
+    alike = np.searchsorted(rising, rising + 0.5 * _TOLERANCE * speed.max())
+    count = alike - np.arange(rising.size)
+    most = count.argmax()
+    return float(np.median(rising[most : alike[most]]))
 
 
 def _longest_run(state: FloatArray) -> tuple[int, int]:
