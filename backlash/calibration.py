@@ -1,6 +1,5 @@
 """Calibrations of method "waveform": logs of one joint, in one movement, at known backlashes."""
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -156,12 +155,6 @@ def fit_calibration(
 def _at_phases(turn: FloatArray, phases: int) -> FloatArray:
     """A turn at fewer even phases, by its harmonics."""
     return np.fft.irfft(np.fft.rfft(turn)[: phases // 2 + 1], phases) * phases / turn.size
-
-
-def describe_source(recordings: Sequence[Recording]) -> str:
-    """What a calibration was made from: how many logs, and the SHA-256 of their speeds."""
-    speeds = b"".join(recording.v.tobytes() for recording in recordings)
-    return f"{len(recordings)} logs, SHA-256 of their speeds {hashlib.sha256(speeds).hexdigest()}"
 
 
 @lru_cache(maxsize=1)

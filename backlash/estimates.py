@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from backlash import __version__, turns
-from backlash.calibration import Calibration, describe_source, fit_calibration
+from backlash.calibration import Calibration, fit_calibration
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
@@ -348,4 +348,4 @@ def calibrate(logs: Sequence[object], delta_rad: Sequence[float], **given: Any) 
             if refusal.is_unusable:
                 raise
             raise Refusal(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
-    return fit_calibration(recordings, delta_rad, describe_source(recordings))
+    return fit_calibration(recordings, delta_rad, f"{len(recordings)} logs of this joint")

@@ -7,7 +7,7 @@ instead, in percent of the first.
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,11 @@ import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__, batch
+from backlash import __version__
+from backlash.batch import estimate_many
 from backlash.calibration import MISMATCH, MOST_RAD
 from backlash.estimates import CANNOT_TELL
-from backlash.plant import KEYS, read_batch, read_rows
+from backlash.plant import KEYS, read_rows
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal, check_positive, one_line
 from replication.signature import FloatArray
@@ -42,7 +43,12 @@ class Trend:
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
     is_relative: bool  # the values are amplitudes, in percent of the first log's
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]  # on the logs and the line
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the line or its crossing less sure."""
+        return (*self.notes, *_notes_on_crossing(self))
 
     @property
     def growth_interval(self) -> tuple[float, float]:
@@ -169,9 +175,8 @@ def trend(
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise Refusal(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    answers = dict(batch.run_batch(read_batch(logs, given), jobs))
-    table = batch.as_table([answers[number] for number in sorted(answers)])
-    return fit_trend(table, days, limit_rad, relative)
+    answers = estimate_many(logs, jobs=jobs, **given)
+    return fit_trend(answers, days, limit_rad, relative)
 
 
 def trend_many(
@@ -242,10 +247,10 @@ def fit_trend(
         raise Refusal(f"--limit {limit_rad:g}: give at most {MOST_RAD:g} [rad]; 1 mrad is 0.001")
     relative = relative or bool((answers["verdict"] == CANNOT_TELL).all())
     points = _points(answers.assign(date=list(dates)), relative)
-    warnings = _left_out(points, answers)
+    notes = _left_out(points, answers)
     if relative:
         what = "the oscillation's amplitude in percent of the first log's, not the backlash"
-        warnings.append(f"relative: {what}; a limit in rad says nothing of it")
+        notes.append(f"relative: {what}; a limit in rad says nothing of it")
         limit_rad = None
     value = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
@@ -262,8 +267,8 @@ def fit_trend(
     # Whether a parabola is better than the line, by an F test at 5 %.
     gain = (chi2 - curved) / max(curved / max(freedom - 1, 1), 1.0)
     if freedom > 2 and gain > fdtri(1, freedom - 1, 0.95):
-        warnings.append("the growth is no straight line: the date of the crossing may be far off")
-    fitted = Trend(
+        notes.append("the growth is no straight line: the date of the crossing may be far off")
+    return Trend(
         points=points,
         origin=points["date"].iloc[0] - pd.Timedelta(days=days[0]),
         line=(float(value[0] + line[1]), float(line[0])),
@@ -271,9 +276,8 @@ def fit_trend(
         quantile=float(stdtrit(freedom, (1 + CONFIDENCE) / 2)),
         limit_rad=limit_rad,
         is_relative=relative,
-        warnings=(),
+        notes=tuple(notes),
     )
-    return replace(fitted, warnings=(*warnings, *_notes_on_crossing(fitted)))
 
 
 def _misfit(days: FloatArray, grown: FloatArray, weight: FloatArray, degree: int) -> float:
