@@ -132,10 +132,9 @@ def _merged(
     others = ~goes_on[:-1] & (np.diff(signals) != 0).any(axis=0)
     others[0] = False  # loggers may begin with a row that is none
     if others.any():
-        cure = "drop doubled rows, and export stamps with all their digits"
         raise Refusal(
             f"its time stamp repeats the one before with other values ({others.sum()} such rows); "
-            f"{cure}",
+            "drop doubled rows, and export stamps with all their digits",
             row=rows[1 + others.argmax()],
         )
     if not goes_on.all():
@@ -237,11 +236,12 @@ def _constant_speed(t: FloatArray, v: FloatArray, form: LogFormat, notes: list[s
                 f"{_LEAST_TURNS} turns or more",
                 Reason.NOT_CONSTANT_SPEED,
             )
-        what = f"{max(turns, 0):.1f} load turns of {period:.4g} s at {level:.4g} rps"
-        needed = f"{_LEAST_TURNS} alike are needed, 12 are good (a log of the joint's side needs --gear-ratio 1)"
         is_short = last - first > 0.9 * v.size
-        reason = Reason.TOO_SHORT if is_short else Reason.NOT_CONSTANT_SPEED
-        raise Refusal(f"{what}; {needed}", reason)
+        raise Refusal(
+            f"{max(turns, 0):.1f} load turns of {period:.4g} s at {level:.4g} rps; {_LEAST_TURNS} alike are needed, "
+            "12 are good (a log of the joint's side needs --gear-ratio 1)",
+            Reason.TOO_SHORT if is_short else Reason.NOT_CONSTANT_SPEED,
+        )
     if last - first < v.size:
         notes.append(f"used the constant speed {_from_to(t[first:last])}")
     if turns > _MOST_TURNS:

@@ -12,22 +12,17 @@ from tests.logs import TURN, file, noisy, opened, refusal, text
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
-    "rps": ["speed_rps", "speed [rev/s]", "speed (s^-1)", "motor_vel_rev_per_s", "speed [Hz]"],
+    "rps": ["speed_rps", "speed [rev/s]", "speed (s^-1)", "speed [Hz]"],
     "rpm": [
-        *("Drehzahl [U/min]", "speed [min^-1]", "speed 1/min", "motorSpeedRPM", "speed [min⁻¹]"),
-        *("speed [r/min]", "vitesse [tr/min]", "speed.rpm", "speed_rpm_1", "speed [rpm] (2)"),
-        "Drehzahl [1/min] für Achse 5 °",
+        *("Drehzahl [U/min]", "speed 1/min", "motorSpeedRPM", "speed [min⁻¹]", "vitesse [tr/min]"),
+        *("speed.rpm", "speed_rpm_1", "speed [rpm] (2)", "Drehzahl [1/min] für Achse 5 °"),
     ],
-    "rad/s": [
-        *("speed_rad_s", "motor_vel_rad_per_s", "speed [rad s^-1]", "speed_radps"),
-        *("speed [rad·s⁻¹]", "motorSpeedRadPerSec", "axis4.vel.rad_s"),
-    ],
-    "deg/s": ["speed_deg_s", "speed [deg/s]", "speed [°/s]", "speed_deg_per_sec"],
+    "rad/s": ["motor_vel_rad_per_s", "speed_radps", "speed [rad·s⁻¹]", "motorSpeedRadPerSec"],
+    "deg/s": ["speed_deg_s", "speed [°/s]"],
 }
 ASKED = [
-    *("speed", "velocity[0]", "speed (2)", "speed %", "speed [%]", "speed rpm/1000"),
-    *("speed [rpm] (x10)", "speed [rpm*10]", "speed [m/s]", "speed (filtered)", "speed_m_s"),
-    *("speed in 0.01 rpm", "speed_0.1rpm"),
+    *("speed", "velocity[0]", "speed %", "speed rpm/1000", "speed [rpm] (x10)", "speed [m/s]"),
+    *("speed (filtered)", "speed in 0.01 rpm"),
 ]
 # The columns beside the time, and which of them is read; none where the user is asked.
 CHOICES = [
@@ -39,11 +34,10 @@ CHOICES = [
     (["target speed [rps]", "speed [rps]"], "speed [rps]"),
     (["speed_cmd_rps", "motor speed [rps]"], "motor speed [rps]"),
     (["speed [rps]", "velocity [rps]"], None),
-    (["motor speed [rps]", "motor speed filtered [rps]"], None),
     (["dq[0]", "dq[1]"], None),
     *(
         ([f"{word} speed [rps]", "current"], None)
-        for word in ("target", "cmd", "set", "ref", "desired", "soll", "planned", "delta")
+        for word in ("target", "cmd", "set", "ref", "desired", "soll", "delta")
     ),
 ]
 
