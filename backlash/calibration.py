@@ -11,8 +11,8 @@ from scipy.special import ndtri, stdtrit
 
 from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes
 from backlash.refusals import Refusal
-from backlash.turns import settled_turns
-from backlash.waveform import LEAST_LEVELS, WaveformBank, make_bank, match
+from backlash.turns import harmonics
+from backlash.waveform import FASTEST_HZ, LEAST_LEVELS, WaveformBank, make_bank, match
 from replication.joint import identified_joint, simulate
 from replication.records import Recording
 from replication.signature import FloatArray
@@ -20,11 +20,11 @@ from replication.signature import FloatArray
 MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
 # Of turn and speed: the waveform scales with the speed, by less than its uncertainty.
 MISMATCH = 0.02
-_MOST_PHASES = 800  # in a turn: the paper's joint at 0.5 ms
 # Of the range, the largest uncertainty: its 95 % interval is then as wide as the range, and says nothing.
 _MOST_UNCERTAINTY = 0.25
 # Table 2's range of backlash, and a little beyond.
 _EXAMPLE_RAD = np.round(np.arange(1e-4, 25.5e-4, 1e-4), 6)
+_EXAMPLE_PHASES = 800  # in a turn: 0.5 ms
 EXAMPLE = "an example: the paper's joint as identified, simulated, not your joint"
 
 
@@ -57,7 +57,7 @@ class Calibration:
 
     def to_json(self) -> str:
         """Write as text, for `read_calibration`."""
-        waveforms = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
+        parts = np.stack([self.bank.harmonics_rps.real, self.bank.harmonics_rps.imag], axis=-1)
         content = {
             "method": "waveform",
             "unit": "rad",
@@ -65,7 +65,8 @@ class Calibration:
             "turn_period_s": self.turn_period_s,
             "commanded_speed_rps": self.commanded_speed_rps,
             "provenance": self.provenance,
-            "waveforms": {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": waveforms},
+            "delta_rad": self.bank.delta_rad.tolist(),
+            "harmonics_rps": parts.round(8).tolist(),
         }
         return json.dumps(content, indent=1) + "\n"
 
@@ -78,11 +79,8 @@ def read_calibration(source: Calibration | str | PathLike[str] | None) -> Calibr
         text = read_bytes(str(source), MOST_TABLE_BYTES).decode("utf-8")
     try:
         content = json.loads(text)
-        waveforms = content["waveforms"]
-        bank = WaveformBank(
-            np.array(waveforms["delta_rad"], dtype=float),
-            np.array(waveforms["waveform_rps"], dtype=float),
-        )
+        parts = np.array(content["harmonics_rps"], dtype=float)
+        bank = WaveformBank(np.array(content["delta_rad"], dtype=float), parts @ np.array([1, 1j]))
         others = {field.name: content[field.name] for field in fields(Calibration)[1:]}
         made = Calibration(bank, **others)
         _check(made)
@@ -95,11 +93,11 @@ def read_calibration(source: Calibration | str | PathLike[str] | None) -> Calibr
 
 def _check(made: Calibration) -> None:
     """Refuse what no calibration of ours could have."""
-    delta, waveforms = made.bank.delta_rad, made.bank.waveform_rps
-    if waveforms.ndim != 2 or waveforms.shape[:1] != delta.shape or delta.size < LEAST_LEVELS:
-        raise ValueError("the waveforms do not fit their backlashes")
+    delta, lines = made.bank.delta_rad, made.bank.harmonics_rps
+    if lines.ndim != 2 or lines.shape[:1] != delta.shape or delta.size < LEAST_LEVELS:
+        raise ValueError("the harmonics do not fit their backlashes")
     numbers = (made.uncertainty_rad, made.turn_period_s, made.commanded_speed_rps, *np.diff(delta))
-    is_finite = np.isfinite([waveforms.sum(), *numbers]).all()
+    is_finite = np.isfinite([lines.sum(), *numbers]).all()
     if not (is_finite and min(numbers) > 0 and delta[0] >= 0):
         raise ValueError(
             "a number is not finite, or not above 0, or the backlashes do not increase"
@@ -139,9 +137,8 @@ def fit_calibration(
     periods = np.array([recording.turn_period_s for recording in recordings])
     if np.ptp(periods) > MISMATCH * periods.mean():
         raise Refusal("the logs have different turn periods; calibrate one movement at a time")
-    turns = [settled_turns(recording, recording.v).mean(axis=0) for recording in recordings]
-    phases = min(_MOST_PHASES, *(turn.size for turn in turns))
-    bank = make_bank(delta.tolist(), [_at_phases(turn, phases) for turn in turns])
+    turns = [harmonics(recording, recording.v, FASTEST_HZ).coefficient for recording in recordings]
+    bank = make_bank(delta.tolist(), turns)
     uncertainty = _bank_uncertainty(recordings, delta, bank)
     if (share := uncertainty / np.ptp(delta)) > _MOST_UNCERTAINTY:
         raise Refusal(
@@ -152,11 +149,6 @@ def fit_calibration(
     return Calibration(bank, uncertainty, float(periods.mean()), speed, provenance)
 
 
-def _at_phases(turn: FloatArray, phases: int) -> FloatArray:
-    """A turn at fewer even phases, by its harmonics."""
-    return np.fft.irfft(np.fft.rfft(turn)[: phases // 2 + 1], phases) * phases / turn.size
-
-
 @lru_cache(maxsize=1)
 def example_calibration() -> Calibration:
     """The calibration of the paper's joint, simulated: an example for whoever has none."""
@@ -164,7 +156,7 @@ def example_calibration() -> Calibration:
     period = 2 * np.pi * joint.N / joint.Omega
     records = []
     for delta in _EXAMPLE_RAD:
-        run = simulate(joint, float(delta), duration=3 * period, sample=period / _MOST_PHASES)
+        run = simulate(joint, float(delta), duration=3 * period, sample=period / _EXAMPLE_PHASES)
         records.append(
             Recording(run.t[:-1], run.v[:-1], joint.Omega / (2 * np.pi), period, EXAMPLE)
         )
