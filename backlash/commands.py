@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -76,23 +76,40 @@ def run_estimate(options: argparse.Namespace) -> int:
     if options.plots:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
-    is_alone = count == 1 and not (options.out or options.plots or options.batch)
-    answers = (_examine_alone if is_alone else _examine_all)(logs, options)
-    if all(answer.is_unusable for answer in answers):
+    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
+    if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
+        each = _examine_alone(logs, options)
+    else:
+        each = _examine_all(logs, options, journal)
+    keys = logs.keys.astype("string").fillna("").to_dict("records")
+    by_number: dict[int, Estimate] = {}
+    for number, answer in each:
+        by_number[number] = answer
+        if options.jsonl:
+            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
+    answers = [by_number[number] for number in range(count)]
+    bad = [answer for answer in answers if answer.is_unusable]
+    if options.out and len(bad) < count:
+        _write_answers(options.out, logs, answers)
+    if journal:
+        journal.unlink(missing_ok=True)
+    if options.json:
+        rows = zip(keys, answers, strict=True)
+        print(_as_json([key | answer.to_dict() for key, answer in rows]))
+    if len(bad) == count:
         which = "" if count == 1 else f"none of {count} logs is usable; the first: "
-        raise Refusal(which + answers[0].explanation)
-    if bad := sum(answer.is_unusable for answer in answers):
-        print(f"{bad} of {count} logs are not usable; their rows say why", file=sys.stderr)
+        raise Refusal(which + bad[0].explanation)
+    if bad:
+        print(f"{len(bad)} of {count} logs are not usable; their rows say why", file=sys.stderr)
     if not (options.json or options.jsonl or options.out):
         print(*answers, sep="\n")
     return Exit.DONE
 
 
-def _examine_alone(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
+def _examine_alone(logs: Batch, options: argparse.Namespace) -> Iterator[tuple[int, Estimate]]:
     """Answer for one log, whose defects are not held back as those of one among many are."""
-    is_json = options.json or options.jsonl
     [log], [settings] = logs.logs, logs.settings
-    if is_json or isinstance(settings, Refusal):
+    if options.json or options.jsonl or isinstance(settings, Refusal):
         answer = estimates.examine_or_refuse(log, settings)
     else:
         answer = estimates.examine(log, settings)
@@ -100,38 +117,27 @@ def _examine_alone(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
         _draw(Path(), answer, options.plot)
     elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    if is_json:
-        row = answer.to_dict()
-        print(_as_json(row, None) if options.jsonl else _as_json([row]))
-    return [answer]
+    yield 0, answer
 
 
-def _examine_all(logs: Batch, options: argparse.Namespace) -> list[Estimate]:
-    """Answer for many logs, with joints and dates, each as soon as it is known."""
-    from backlash.batch import as_table, run_batch
+def _examine_all(
+    logs: Batch, options: argparse.Namespace, journal: Path | None
+) -> Iterator[tuple[int, Estimate]]:
+    from backlash.batch import run_batch
 
-    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    keys = logs.keys.astype("string").fillna("").to_dict("records")
-    answers: dict[int, Estimate] = {}
     draw = partial(_draw, options.plots) if options.plots else None
-    for number, answer in run_batch(logs, options.jobs, journal, draw):
-        answers[number] = answer
-        if options.jsonl:
-            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
-    in_order = [answers[number] for number in range(len(keys))]
-    if options.out and not all(answer.is_unusable for answer in in_order):
-        table = logs.keys.join(as_table(in_order))
-        if options.out.suffix.lower() == ".parquet":
-            write_bytes(options.out, table.to_parquet(index=False))
-        else:
-            write_csv(options.out, table)
-    if journal:
-        journal.unlink(missing_ok=True)
-    if options.json:
-        print(
-            _as_json([key | answer.to_dict() for key, answer in zip(keys, in_order, strict=True)])
-        )
-    return in_order
+    return run_batch(logs, options.jobs, journal, draw)
+
+
+def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None:
+    """Write a table of answers, by joint and date."""
+    from backlash.batch import as_table
+
+    table = logs.keys.join(as_table(answers))
+    if path.suffix.lower() == ".parquet":
+        write_bytes(path, table.to_parquet(index=False))
+    else:
+        write_csv(path, table)
 
 
 def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:

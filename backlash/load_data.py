@@ -31,7 +31,7 @@ class LoadData:
         )
         for sd in (self.inertia_sd, self.gravity_sd):
             if not (isinstance(sd, Real) and 0 <= sd <= 0.5):
-                raise Refusal(f"a relative SD of {sd!r}: give a share up to 0.5")
+                raise Refusal(f"a relative SD of {sd!r}: give 0, or a share above 0 up to 0.5")
 
     def __str__(self) -> str:
         ratio = f"an inertia ratio of {self.inertia_ratio:g} (SD {self.inertia_sd:.0%})"
