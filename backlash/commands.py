@@ -81,7 +81,9 @@ def run_estimate(options: argparse.Namespace) -> int:
         each = _examine_alone(logs, options)
     else:
         each = _examine_all(logs, options, journal)
-    keys = logs.keys.astype("string").fillna("").to_dict("records")
+    # "joint" holds the joint's quantities.
+    named = logs.keys.rename(columns={"joint": "joint_name"}).astype("string").fillna("")
+    keys = named.to_dict("records")
     by_number: dict[int, Estimate] = {}
     for number, answer in each:
         by_number[number] = answer

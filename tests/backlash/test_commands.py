@@ -8,7 +8,7 @@ import pytest
 
 from backlash import estimates
 from backlash.estimates import Estimate
-from tests.logs import command, noisy, write
+from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
 
@@ -31,6 +31,15 @@ def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, m
     [answer] = json.loads(capsys.readouterr().out)
     assert answer["joint"]["loss"] == [0.1, 0.02]
     assert answer["total_play_rad"] == 2e-3
+
+
+def test_a_line_of_json_has_the_name_of_its_joint_and_its_quantities(log, monkeypatch, capsys):
+    found = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
+    monkeypatch.setattr(estimates, "examine", Mock(return_value=found))
+    table = file(log.parent, f"file,joint\n{log.name},A4\n", "plant.csv")
+    assert command("estimate --jsonl --jobs 1", SPEED, "--batch", table) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["joint_name"], answer["joint"]) == ("A4", {"loss": [0.1, 0.02]})
 
 
 def test_an_answer_is_printed_and_its_fit_drawn(log, tmp_path, capsys):
