@@ -48,28 +48,6 @@ def test_a_fast_log_is_averaged_down_and_of_a_long_one_sixty_turns_are_used():
     assert evenly(np.tile(V[:-1], 8)).recording.t[-1] == pytest.approx(24.0)
 
 
-@pytest.mark.parametrize("factor", [60, 1 / 60, 6.2832])
-@pytest.mark.parametrize("known", [{"commanded_speed_rps": 100.0}, {"gear_ratio": 40.0}])
-def test_a_wrong_unit_is_told_by_what_is_known_of_the_speed(factor, known):
-    with pytest.raises(Refusal, match="rps longest, not 100 rps"):
-        evenly(factor * V, replace(TURN, **known))
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {},
-        {"turn_period_s": -1.0},
-        {"turn_period_s": 0.4, "speed": "a", "position": "b"},
-        {"turn_period_s": 0.4, "unit": "mph"},
-        {"turn_period_s": 0.4, "start_s": float("nan")},
-    ],
-)
-def test_options_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(Refusal, match=r"give |there are"):
-        LogFormat(**wrong)
-
-
 SPIKED = np.where(np.arange(V.size) == 500, 900.0, V)
 
 
@@ -83,6 +61,12 @@ SPIKED = np.where(np.arange(V.size) == 500, 900.0, V)
         (V + 0.8 * (T - 2.4), TURN, "not constant speed: it drifts"),
         (np.concatenate([V[:600], 0.5 * V[:600], 1.5 * V[:600]]), TURN, "not constant speed"),
         (60 * V, TURN, "is it in rpm, rad/s"),
+        (
+            60 * V,
+            replace(TURN, gear_ratio=40.0),
+            "rps longest, not 100 rps, by gear ratio and turn",
+        ),
+        (V / 60, replace(TURN, commanded_speed_rps=100.0), "rps longest, not 100 rps, commanded"),
         (SPIKED, TURN, "1 single samples stray from their neighbours, 900 rps"),
         (0 * V + 100, TURN, "never changes, it is 100 throughout"),
         (np.minimum(V, 100.2), TURN, "the speed is clipped at 100.2 rps"),

@@ -12,7 +12,6 @@ from backlash import Reason
 from backlash.calibration import fit_calibration, read_calibration
 from backlash.waveform import match
 from replication.joint import change, identified_joint, simulate
-from replication.records import Recording
 from tests.logs import noisy, table
 
 KNOWN_RAD = [4e-4, 6e-4, 8e-4, 1e-3, 1.2e-3, 1.4e-3, 1.6e-3]
@@ -53,13 +52,14 @@ def test_a_low_pass_of_the_log_is_found_with_a_joint_s_own_calibration(own):
 
 
 def test_another_stiffness_shows_in_chi_squared(own):
-    joint = change(identified_joint(), {"K_s": 0.7})
-    run = simulate(joint, 1e-3)
-    v = run.v + np.random.default_rng(1).uniform(-0.03, 0.03, run.v.size)
-    record = Recording(run.t, v, 100.0, 0.4, "softer")
-    other = backlash.estimate(table(record), calibration=own, **TURN)
-    same = backlash.estimate(table(noisy(1e-3, 0.03)), calibration=own, **TURN)
-    assert other.chi_squared > 3 * same.chi_squared
+    same = noisy(1e-3, 0.03)
+    run = simulate(change(identified_joint(), {"K_s": 0.7}), 1e-3)
+    softer = replace(same, v=run.v + same.v - noisy(1e-3, 0.0).v)
+    other, least = (
+        backlash.estimate(table(record), calibration=own, **TURN).chi_squared
+        for record in (softer, same)
+    )
+    assert other > 3 * least
 
 
 SILENT = replace(noisy(), v=100 + np.random.default_rng(4).uniform(-0.1, 0.1, noisy().v.size))
