@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from backlash.reading.columns import numbers
 from backlash.reading.tables import TIME_OF_DAY
@@ -109,19 +108,16 @@ def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-def _numbers_on_grid(t: FloatArray, dt: float) -> NDArray[np.int64]:
-    """Numbers of samples on the grid that they were taken on, without holes or with those that long steps tell of.
+def _even_clock(t: FloatArray, dt: float) -> tuple[FloatArray, float, float]:
+    """Numbers of samples on the grid that they were taken on, its period and its start [s].
 
-    Taken is what a clock explains better: steps are long also where stamps are late.
+    None is missing, or those that long steps tell of: taken is what an even clock explains better, for steps are long
+    also where stamps are late.
     """
-    steps = np.maximum(np.rint(np.diff(t) / dt), 1.0).astype(np.int64)
-    with_holes = np.concatenate(([0], np.cumsum(steps)))
-
-    def stray(k: NDArray[np.int64]) -> float:
-        slope, start = np.polyfit(k, t, 1)
-        return float(np.std((t - start) / slope - k))
-
-    return min(np.arange(t.size), with_holes, key=stray)
+    steps = np.maximum(np.rint(np.diff(t) / dt), 1.0)
+    numbered = np.arange(float(t.size)), np.concatenate(([0.0], np.cumsum(steps)))
+    clocks = [(k, *np.polyfit(k, t, 1)) for k in numbered]
+    return min(clocks, key=lambda clock: np.std(t - clock[1] * clock[0]) / clock[1])
 
 
 def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
@@ -144,11 +140,10 @@ def place_on_grid(
     What strays by more than a period is a clock's drift, and followed; what is fast is if the signal
     follows it.
     """
-    k = _numbers_on_grid(t, dt)
+    k, dt, start = _even_clock(t, dt)
     holes = int(k[-1]) + 1 - k.size
     _refuse_invented(holes, t)
-    dt, start = np.polyfit(k, t, 1)
-    places = k.astype(float)
+    places = k.copy()
     stray = (t - start) / dt - k
     nominal = float(f"{1 / dt:.3g}")
     if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:
