@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
-from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias, Unpack
+from typing import Any, TypeAlias
 
 import joblib
 import numpy as np
@@ -19,67 +17,18 @@ import pandas as pd
 from tqdm import tqdm
 
 from backlash import __version__
-from backlash.calibration import read_calibration
-from backlash.estimates import CANNOT_TELL, Estimate, examine
-from backlash.reading.batch import KEYS, TableOfLogs, called, escape, keys_of, options_of, read_rows
+from backlash.estimates import Estimate, examine_or_refuse, refused
+from backlash.plant import Batch, TableOfLogs, escape, read_batch
 from backlash.reading.sources import name_of
-from backlash.refusals import Reason, Refusal, one_line
-from backlash.settings import GIVEN, Given, Settings, settings_for
+from backlash.refusals import Refusal
+from backlash.settings import Settings
 
-SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
 Draw: TypeAlias = Callable[[Estimate, str], None]
 
 
-class Batch(NamedTuple):
-    """Logs with their settings, or why they have none; `keys` are joints and dates, as far as a table has them."""
-
-    logs: Sequence[Any]
-    settings: Sequence[Settings | Refusal]
-    keys: pd.DataFrame
-
-
-def listed_logs(source: TableOfLogs, column: str, *others: str) -> tuple[list[Any], pd.DataFrame]:
-    """Logs in a column of a table, and the table without it; a file's names are relative to it."""
-    table = read_rows(source, column, *others)
-    if not isinstance(source, pd.DataFrame):
-        folder = Path(source).parent
-        table[column] = table[column].fillna("")
-        for name in {column, "calibration"} & {*table}:
-            table[name] = table[name].map(lambda each: folder / each.strip(), na_action="ignore")
-    return table.pop(column).tolist(), table
-
-
-def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
-    """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
-    if not isinstance(source, pd.DataFrame | str | PathLike):
-        if not isinstance(source, Sequence):
-            raise Refusal(
-                f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
-            )
-        known = {**given, "calibration": read_calibration(given.get("calibration"))}
-        keys = pd.DataFrame(index=range(len(source)))
-        return Batch(source, [settings_for(log, known) for log in source], keys)
-    logs, table = listed_logs(source, "file")
-    columns = ("file", *KEYS, *GIVEN)
-    if unknown := {*table}.difference(columns):
-        raise Refusal(f"{called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
-    keys = keys_of(table)
-    read = cache(read_calibration)
-    settings: list[Settings | Refusal] = []
-    for log, row in zip(logs, table.to_dict("records"), strict=True):
-        try:
-            own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
-            if "calibration" in own:
-                own["calibration"] = read(own["calibration"])
-            settings.append(settings_for(log, {**given, **own}))
-        except Refusal as refusal:
-            settings.append(Refusal(f"{called(source)}, {Path(name_of(log)).name}: {refusal}"))
-    return Batch(logs, settings, keys)
-
-
 def estimate_many(
-    logs: Sequence[object] | TableOfLogs, *, jobs: int = -1, **given: Unpack[Given]
+    logs: Sequence[object] | TableOfLogs, *, jobs: int = -1, **given: Any
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
@@ -120,26 +69,6 @@ def estimate_many(
     answers = dict(run_batch(batch, jobs))
     table = batch.keys.join(as_table([answers[number] for number in sorted(answers)]))
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
-
-
-def find_logs(paths: Sequence[Path], out: Path | None = None) -> list[Path]:
-    """Logs that files and folders stand for, each once: of a folder all below it but the table of answers."""
-    answers = os.path.realpath(out or os.devnull)
-    logs: dict[str, Path] = {}
-    for path in paths:
-        inside = [path]
-        if path.is_dir():
-            inside = sorted(file for file in path.rglob("*") if _is_log(file))
-        found = {os.path.realpath(file): file for file in inside}
-        found.pop(answers, None)
-        if not found:
-            raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
-        logs |= found
-    return list(logs.values())
-
-
-def _is_log(file: Path) -> bool:
-    return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
 
 
 def run_batch(
@@ -196,22 +125,6 @@ def _as_tuple(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def examine_or_refuse(log: object, settings: Settings | Refusal) -> Estimate:
-    """Examine one log; say why where that fails, in whatever way."""
-    try:
-        if isinstance(settings, Refusal):
-            raise settings
-        return examine(log, settings)
-    except Refusal as refusal:
-        return _unusable(log, str(refusal))
-    except Exception as error:  # one log must not stop a thousand others
-        return _unusable(log, f"{name_of(log)}: {type(error).__name__}: {error}")
-
-
-def _unusable(log: object, why: str) -> Estimate:
-    return Estimate(name_of(log), reason=Reason.UNUSABLE.value, explanation=one_line(why))
-
-
 def _examine_each(
     calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, draw: Draw | None
 ) -> Iterator[tuple[int, Estimate]]:
@@ -227,7 +140,8 @@ def _examine_each(
             yield number, answer
     if len(left) == 1:
         [(number, (log, _))] = left.items()
-        yield number, _unusable(log, f"{name_of(log)}: the process that read it died; too large?")
+        why = f"{name_of(log)}: the process that read it died; too large?"
+        yield number, refused(log, why)
     elif left:
         again = list(left.items())
         for half in (again[::2], again[1::2]):
@@ -265,8 +179,3 @@ def _row(answer: Estimate) -> dict[str, object]:
     row["reason"] = answer.reason or ""
     row["notes"] = "; ".join(answer.notes)
     return row
-
-
-def is_unusable(answer: Estimate) -> bool:
-    """Whether a log could not be used."""
-    return answer.verdict == CANNOT_TELL and answer.reason == Reason.UNUSABLE.value

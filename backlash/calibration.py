@@ -1,6 +1,5 @@
 """Calibrations of method "waveform": logs of one joint, in one movement, at known backlashes."""
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -12,8 +11,8 @@ from scipy.special import ndtri, stdtrit
 
 from backlash.reading.sources import MOST_TABLE_BYTES, naming, read_bytes
 from backlash.refusals import Refusal
-from backlash.turns import settled_turns
-from backlash.waveform import LEAST_LEVELS, WaveformBank, make_bank, match
+from backlash.turns import harmonics
+from backlash.waveform import FASTEST_HZ, LEAST_LEVELS, WaveformBank, make_bank, match
 from replication.joint import identified_joint, simulate
 from replication.records import Recording
 from replication.signature import FloatArray
@@ -21,11 +20,11 @@ from replication.signature import FloatArray
 MOST_RAD = 0.1  # a larger backlash is taken for one in mrad
 # Of turn and speed: the waveform scales with the speed, by less than its uncertainty.
 MISMATCH = 0.02
-_MOST_PHASES = 800  # in a turn: the paper's joint at 0.5 ms
 # Of the range, the largest uncertainty: its 95 % interval is then as wide as the range, and says nothing.
 _MOST_UNCERTAINTY = 0.25
 # Table 2's range of backlash, and a little beyond.
 _EXAMPLE_RAD = np.round(np.arange(1e-4, 25.5e-4, 1e-4), 6)
+_EXAMPLE_PHASES = 800  # in a turn: 0.5 ms
 EXAMPLE = "an example: the paper's joint as identified, simulated, not your joint"
 
 
@@ -58,7 +57,7 @@ class Calibration:
 
     def to_json(self) -> str:
         """Write as text, for `read_calibration`."""
-        waveforms = [[float(f"{v:.6g}") for v in row] for row in self.bank.waveform_rps]
+        parts = np.stack([self.bank.harmonics_rps.real, self.bank.harmonics_rps.imag], axis=-1)
         content = {
             "method": "waveform",
             "unit": "rad",
@@ -66,7 +65,8 @@ class Calibration:
             "turn_period_s": self.turn_period_s,
             "commanded_speed_rps": self.commanded_speed_rps,
             "provenance": self.provenance,
-            "waveforms": {"delta_rad": self.bank.delta_rad.tolist(), "waveform_rps": waveforms},
+            "delta_rad": self.bank.delta_rad.tolist(),
+            "harmonics_rps": parts.round(8).tolist(),
         }
         return json.dumps(content, indent=1) + "\n"
 
@@ -79,37 +79,29 @@ def read_calibration(source: Calibration | str | PathLike[str] | None) -> Calibr
         text = read_bytes(str(source), MOST_TABLE_BYTES).decode("utf-8")
     try:
         content = json.loads(text)
-        waveforms = content["waveforms"]
-        bank = WaveformBank(
-            np.array(waveforms["delta_rad"], dtype=float),
-            np.array(waveforms["waveform_rps"], dtype=float),
-        )
+        parts = np.array(content["harmonics_rps"], dtype=float)
+        bank = WaveformBank(np.array(content["delta_rad"], dtype=float), parts @ np.array([1, 1j]))
         others = {field.name: content[field.name] for field in fields(Calibration)[1:]}
         made = Calibration(bank, **others)
         _check(made)
     except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise Refusal(f"{source}: not a calibration file ({what}); make one anew") from None
+        raise Refusal(
+            f"{source}: not a calibration file ({type(error).__name__}: {error}); make one anew"
+        ) from None
     return made
 
 
 def _check(made: Calibration) -> None:
     """Refuse what no calibration of ours could have."""
-    bank = made.bank
-    delta, waveforms = bank.delta_rad, bank.waveform_rps
-    if waveforms.ndim != 2 or waveforms.shape[:1] != delta.shape or delta.size < LEAST_LEVELS:
-        raise ValueError("the waveforms do not fit their backlashes")
-    numbers = [made.uncertainty_rad, made.turn_period_s, made.commanded_speed_rps]
-    if not (np.isfinite([waveforms.sum(), delta.sum(), *numbers]).all() and min(numbers) > 0):
-        raise ValueError("a number is not finite, or not above 0")
-    if not (delta[0] >= 0 and (np.diff(delta) > 0).all()):
-        raise ValueError("its backlashes do not increase from 0 on")
-
-
-def leave_one_out_sd(errors_rad: FloatArray) -> float:
-    """SD that a normal error would have, had it the 95 % range of Student's for this RMS of so many errors."""
-    rms = np.sqrt(np.mean(errors_rad**2))
-    return float(rms * stdtrit(errors_rad.size, 0.975) / ndtri(0.975))
+    delta, lines = made.bank.delta_rad, made.bank.harmonics_rps
+    if lines.ndim != 2 or lines.shape[:1] != delta.shape or delta.size < LEAST_LEVELS:
+        raise ValueError("the harmonics do not fit their backlashes")
+    numbers = (made.uncertainty_rad, made.turn_period_s, made.commanded_speed_rps, *np.diff(delta))
+    is_finite = np.isfinite([lines.sum(), *numbers]).all()
+    if not (is_finite and min(numbers) > 0 and delta[0] >= 0):
+        raise ValueError(
+            "a number is not finite, or not above 0, or the backlashes do not increase"
+        )
 
 
 def _bank_uncertainty(
@@ -118,15 +110,15 @@ def _bank_uncertainty(
     """Leave-one-level-out error of a bank [rad]; refused where matches do not grow with the backlash."""
     level = np.searchsorted(bank.delta_rad, delta)
     inner = np.flatnonzero((level > 0) & (level < bank.delta_rad.size - 1)).tolist()
-    matched = [match(recordings[k], bank.without(int(level[k]))).delta_rad for k in inner]
-    errors = np.array(matched) - delta[inner]
-    by_level = [np.mean((errors + delta[inner])[delta[inner] == d]) for d in bank.delta_rad[1:-1]]
-    if not (np.diff(by_level) > 0).all():
+    matched = np.array([match(recordings[k], bank.without(int(level[k]))).delta_rad for k in inner])
+    if not (np.diff([matched[delta[inner] == d].mean() for d in bank.delta_rad[1:-1]]) > 0).all():
         raise Refusal(
             "logs that the others predict do not come in the order of their backlashes; check the known backlashes, or "
             "add logs if there are few"
         )
-    return leave_one_out_sd(errors)
+    rms = np.sqrt(np.mean((matched - delta[inner]) ** 2))
+    # The SD of a normal error with the 95 % range of Student's for this RMS of so few errors.
+    return float(rms * stdtrit(len(inner), 0.975) / ndtri(0.975))
 
 
 def fit_calibration(
@@ -145,9 +137,8 @@ def fit_calibration(
     periods = np.array([recording.turn_period_s for recording in recordings])
     if np.ptp(periods) > MISMATCH * periods.mean():
         raise Refusal("the logs have different turn periods; calibrate one movement at a time")
-    turns = [settled_turns(recording, recording.v).mean(axis=0) for recording in recordings]
-    phases = min(_MOST_PHASES, *(turn.size for turn in turns))
-    bank = make_bank(delta.tolist(), [_at_phases(turn, phases) for turn in turns])
+    turns = [harmonics(recording, recording.v, FASTEST_HZ).coefficient for recording in recordings]
+    bank = make_bank(delta.tolist(), turns)
     uncertainty = _bank_uncertainty(recordings, delta, bank)
     if (share := uncertainty / np.ptp(delta)) > _MOST_UNCERTAINTY:
         raise Refusal(
@@ -158,17 +149,6 @@ def fit_calibration(
     return Calibration(bank, uncertainty, float(periods.mean()), speed, provenance)
 
 
-def _at_phases(turn: FloatArray, phases: int) -> FloatArray:
-    """A turn at fewer even phases, by its harmonics."""
-    return np.fft.irfft(np.fft.rfft(turn)[: phases // 2 + 1], phases) * phases / turn.size
-
-
-def describe_source(recordings: Sequence[Recording]) -> str:
-    """What a calibration was made from: how many logs, and the SHA-256 of their speeds."""
-    speeds = b"".join(recording.v.tobytes() for recording in recordings)
-    return f"{len(recordings)} logs, SHA-256 of their speeds {hashlib.sha256(speeds).hexdigest()}"
-
-
 @lru_cache(maxsize=1)
 def example_calibration() -> Calibration:
     """The calibration of the paper's joint, simulated: an example for whoever has none."""
@@ -176,7 +156,7 @@ def example_calibration() -> Calibration:
     period = 2 * np.pi * joint.N / joint.Omega
     records = []
     for delta in _EXAMPLE_RAD:
-        run = simulate(joint, float(delta), duration=3 * period, sample=period / _MOST_PHASES)
+        run = simulate(joint, float(delta), duration=3 * period, sample=period / _EXAMPLE_PHASES)
         records.append(
             Recording(run.t[:-1], run.v[:-1], joint.Omega / (2 * np.pi), period, EXAMPLE)
         )

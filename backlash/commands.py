@@ -3,42 +3,35 @@
 import argparse
 import json
 import os
-import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from backlash import batch, estimates, trends
-from backlash.calibration import read_calibration
+from backlash import estimates
 from backlash.estimates import Estimate
 from backlash.options import Exit
+from backlash.plant import Batch, find_logs, listed_logs, read_batch
 from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
 from replication.records import write_bytes, write_csv, write_text
 
-_FAIL_ON = re.compile(r"(cannot-tell|no-backlash)|backlash( *> *(\d*\.?\d+) *(m?)rad)?")
 _OURS = (b"total_play_high_rad", b'"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
 
 def _given(options: argparse.Namespace) -> dict[str, Any]:
-    """Keywords of `estimate` by the options; a calibration is read once."""
-    given = {name: getattr(options, name, None) for name in GIVEN}
-    given["calibration"] = read_calibration(given["calibration"])
-    return {name: value for name, value in given.items() if value is not None}
+    """Keywords of `estimate` by the options."""
+    return {name: value for name, value in vars(options).items() if name in GIVEN}
 
 
-def _check_output(options: argparse.Namespace, option: str, endings: Sequence[str]) -> None:
+def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | None) -> None:
     """Refuse an output that could not be written, or would overwrite an input, before the work is done."""
-    given = vars(options)
-    path: Path | None = given[option]
     if not path:
         return
-    inputs = [*given.get("log", []), *map(given.get, ("batch", "calibration", "table", "dates"))]
     problem = ""
     if os.path.realpath(path) in {os.path.realpath(name) for name in inputs if name}:
         problem = "that is one of the inputs; name another file"
@@ -46,13 +39,13 @@ def _check_output(options: argparse.Namespace, option: str, endings: Sequence[st
         problem = f"its name must end in {' or '.join(endings)}"
     elif path.is_dir() or not os.access(path.parent, os.W_OK):
         problem = "cannot be written there; name a file in a folder that you may write to"
-    elif option == "out" and path.exists() and not _is_ours(path):
+    elif endings is not _FIGURES and path.exists() and not _is_ours(path):
         problem = "that file is not of this command; name another, or remove it"
     if problem:
-        raise Refusal(f"--{option} {path}: {problem}")
+        raise Refusal(f"{path}: {problem}")
     if path.suffix.lower() == ".parquet":
         library("pyarrow", "parquet")
-    if option == "plot":
+    if endings is _FIGURES:
         library("matplotlib", "plot")
 
 
@@ -68,13 +61,13 @@ def _as_json(content: object, indent: int | None = 1) -> str:
 
 def run_estimate(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash."""
-    _check_output(options, "plot", _FIGURES)
-    _check_output(options, "out", (".csv", ".parquet"))
-    failures = _failures(options.fail_on)
+    inputs = (*options.log, options.batch, options.calibration)
+    _check_output(options.plot, _FIGURES, *inputs)
+    _check_output(options.out, (".csv", ".parquet"), *inputs)
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
-    source = options.batch or batch.find_logs(options.log, options.out)
-    logs = batch.read_batch(source, _given(options))
+    source = options.batch or find_logs(options.log, options.out)
+    logs = read_batch(source, _given(options))
     count = len(logs.logs)
     if Path(STDIN) in logs.logs and (count > 1 or options.out):
         raise Refusal("- (the standard input) goes alone, and without --out")
@@ -83,51 +76,70 @@ def run_estimate(options: argparse.Namespace) -> int:
     if options.plots:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
+    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
     if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
-        answers = [_estimate_one(logs, options)]
+        each = _examine_alone(logs, options)
     else:
-        answers = _estimate_many(logs, options)
-    is_met = any(
-        answer.verdict == verdict and (answer.backlash_rad or 0.0) > limit_rad
-        for answer in answers
-        for verdict, limit_rad in failures
-    )
-    return Exit.FAILED if is_met else Exit.DONE
+        each = _examine_all(logs, options, journal)
+    # "joint" holds the joint's quantities.
+    named = logs.keys.rename(columns={"joint": "joint_name"}).astype("string").fillna("")
+    keys = named.to_dict("records")
+    by_number: dict[int, Estimate] = {}
+    for number, answer in each:
+        by_number[number] = answer
+        if options.jsonl:
+            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
+    answers = [by_number[number] for number in range(count)]
+    bad = [answer for answer in answers if answer.is_unusable]
+    if options.out and len(bad) < count:
+        _write_answers(options.out, logs, answers)
+    if journal:
+        journal.unlink(missing_ok=True)
+    if options.json:
+        rows = zip(keys, answers, strict=True)
+        print(_as_json([key | answer.to_dict() for key, answer in rows]))
+    if len(bad) == count:
+        which = "" if count == 1 else f"none of {count} logs is usable; the first: "
+        raise Refusal(which + bad[0].explanation)
+    if bad:
+        print(f"{len(bad)} of {count} logs are not usable; their rows say why", file=sys.stderr)
+    if not (options.json or options.jsonl or options.out):
+        print(*answers, sep="\n")
+    return Exit.DONE
 
 
-def _failures(text: str | None) -> list[tuple[str, float]]:
-    """Verdicts of --fail-on, each with the backlash [rad] above which it counts."""
-    failures = []
-    for term in text.split(",") if text is not None else ():
-        match = _FAIL_ON.fullmatch(term.strip())
-        if not match:
-            raise Refusal(
-                f"--fail-on {term!r}: give cannot-tell, no-backlash, backlash or backlash>0.5mrad"
-            )
-        verdict = (match[1] or "backlash").replace("-", " ")
-        failures.append((verdict, float(match[3] or -1) * (1e-3 if match[4] else 1.0)))
-    return failures
-
-
-def _estimate_one(logs: batch.Batch, options: argparse.Namespace) -> Estimate:
+def _examine_alone(logs: Batch, options: argparse.Namespace) -> Iterator[tuple[int, Estimate]]:
+    """Answer for one log, whose defects are not held back as those of one among many are."""
     [log], [settings] = logs.logs, logs.settings
-    if options.json or options.jsonl:
-        answer = batch.examine_or_refuse(log, settings)
-    elif isinstance(settings, Refusal):
-        raise settings
+    if options.json or options.jsonl or isinstance(settings, Refusal):
+        answer = estimates.examine_or_refuse(log, settings)
     else:
         answer = estimates.examine(log, settings)
     if options.plot and answer.trace:
         _draw(Path(), answer, options.plot)
     elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    if options.jsonl:
-        print(_as_json(answer.to_dict(), None))
+    yield 0, answer
+
+
+def _examine_all(
+    logs: Batch, options: argparse.Namespace, journal: Path | None
+) -> Iterator[tuple[int, Estimate]]:
+    from backlash.batch import run_batch
+
+    draw = partial(_draw, options.plots) if options.plots else None
+    return run_batch(logs, options.jobs, journal, draw)
+
+
+def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None:
+    """Write a table of answers, by joint and date."""
+    from backlash.batch import as_table
+
+    table = logs.keys.join(as_table(answers))
+    if path.suffix.lower() == ".parquet":
+        write_bytes(path, table.to_parquet(index=False))
     else:
-        print(_as_json([answer.to_dict()]) if options.json else answer)
-    if batch.is_unusable(answer):
-        raise Refusal(answer.explanation)
-    return answer
+        write_csv(path, table)
 
 
 def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
@@ -136,41 +148,10 @@ def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
     plots.save_figure(plots.estimate_figure(answer), folder / name)
 
 
-def _estimate_many(logs: batch.Batch, options: argparse.Namespace) -> list[Estimate]:
-    journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    keys = logs.keys.astype("string").fillna("").to_dict("records")
-    answers: dict[int, Estimate] = {}
-    draw = partial(_draw, options.plots) if options.plots else None
-    for number, answer in batch.run_batch(logs, options.jobs, journal, draw):
-        answers[number] = answer
-        if options.jsonl:
-            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
-    in_order = [answers[number] for number in sorted(answers)]
-    bad = [answer for answer in in_order if batch.is_unusable(answer)]
-    if options.out and len(bad) < len(in_order):
-        table = logs.keys.join(batch.as_table(in_order))
-        if options.out.suffix.lower() == ".parquet":
-            write_bytes(options.out, table.to_parquet(index=False))
-        else:
-            write_csv(options.out, table)
-    if journal:
-        journal.unlink(missing_ok=True)
-    if options.json:
-        print(_as_json([keys[k] | answers[k].to_dict() for k in sorted(answers)]))
-    if len(bad) == len(in_order):
-        raise Refusal(f"none of {len(bad)} logs is usable; the first: {bad[0].explanation}")
-    if bad:
-        what = f"{len(bad)} of {len(in_order)} logs are not usable; their rows say why"
-        print(what, file=sys.stderr)
-    if not (options.json or options.jsonl or options.out):
-        print(*in_order, sep="\n")
-    return in_order
-
-
 def run_calibrate(options: argparse.Namespace) -> int:
     """Make a calibration file."""
-    _check_output(options, "out", (".json",))
-    logs, table = batch.listed_logs(options.table, "log", "backlash_rad")
+    _check_output(options.out, (".json",), options.table)
+    logs, table = listed_logs(options.table, "log", "backlash_rad")
     with naming(str(options.table)):
         delta_rad = numbers(table, "backlash_rad").tolist()
     made = estimates.calibrate(logs, delta_rad, **_given(options))
@@ -185,11 +166,13 @@ def run_calibrate(options: argparse.Namespace) -> int:
 
 def run_trend(options: argparse.Namespace) -> int:
     """Print how the backlash grows."""
-    _check_output(options, "plot", _FIGURES)
+    _check_output(options.plot, _FIGURES, *options.log, options.calibration, options.dates)
+    from backlash import trends
+
     grown = trends.trend(
-        batch.find_logs(options.log),
+        find_logs(options.log),
         options.dates,
-        limit_rad=options.limit,
+        limit_rad=options.limit_rad,
         relative=options.relative,
         jobs=options.jobs,
         **_given(options),
@@ -200,3 +183,11 @@ def run_trend(options: argparse.Namespace) -> int:
         plots.save_figure(plots.trend_figure(grown), options.plot)
     print(_as_json(grown.to_dict()) if options.json else grown)
     return 0
+
+
+_RUN = {"estimate": run_estimate, "calibrate": run_calibrate, "trend": run_trend}
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command that was asked for; returns its exit status."""
+    return _RUN[options.command](options)

@@ -2,29 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, Unpack
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from backlash import __version__, turns
-from backlash.amplitude import measure_amplitude
-from backlash.calibration import Calibration, describe_source, example_calibration, fit_calibration
+from backlash.calibration import Calibration, fit_calibration
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
-from backlash.settings import AMPLITUDE, TORQUE, WAVEFORM, Given, Settings, settings_for
-from backlash.torque import NORMAL_95, TorqueFit, fit_torque
-from backlash.waveform import match
-from replication.records import Recording
+from backlash.settings import AMPLITUDE, TORQUE, Settings, settings_for
+from backlash.torque import fit_torque
 from replication.signature import FloatArray
 
 BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
-# Of the turn's energy, gravity's part aside, that a calibration has to explain; within the paper's range it explains
-# 0.96 or more.
-_LEAST_EXPLAINED = 0.8
-_NO_TORQUE = "the speed alone gives an index of this joint in this movement, no backlash: log the torque, or calibrate"
-_HOLDS_FOR = "holds for the stiffness and the drive of the calibration's logs: after a change of either, calibrate anew"
 
 
 class Trace(NamedTuple):
@@ -63,6 +55,21 @@ class Estimate:
     sha256: str | None = None  # of the log file's bytes
     calibration: str = ""  # what it was made from
     trace: Trace | None = field(default=None, compare=False, repr=False)
+
+    def without(self, refusal: Refusal) -> "Estimate":
+        """The answer with the reason why there is none."""
+        return replace(
+            self,
+            reason=refusal.reason.value,
+            explanation=refusal.sentence,
+            columns=self.columns or refusal.columns,
+            notes=(*self.notes, *refusal.notes),
+        )
+
+    @property
+    def is_unusable(self) -> bool:
+        """Whether the log could not be used."""
+        return self.reason == Reason.UNUSABLE.value
 
     def to_dict(self) -> dict[str, Any]:
         """The attributes but the trace, in order, ready for JSON, then the total play and the version."""
@@ -123,7 +130,7 @@ def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
     ]
 
 
-def read_log(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) -> Log:
+def read_log(log: object, v: ArrayLike | None = None, **given: Any) -> Log:
     """Read a log's stretch of constant speed; parameters as in `estimate`.
 
     Returns
@@ -147,7 +154,7 @@ def read_log(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) ->
     return open_log(log, form, v, given.get("torque"))
 
 
-def estimate(log: object, v: ArrayLike | None = None, **given: Unpack[Given]) -> Estimate:
+def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
     """Estimate the backlash, which is half of the total play, that a log tells of.
 
     Parameters
@@ -205,38 +212,49 @@ def examine(
     )
     try:
         read = open_log(log, settings.form, v, torque)
+        answer = _with_log(answer, read, settings)
+        read = _with_own_period(read)
+        answer = _with_log(answer, read, settings)
+        if settings.method == TORQUE:
+            return _answer_by_torque(read, settings, answer)
+        from backlash import by_speed  # with libraries that the torque does not need
+
+        return by_speed.ANSWERS[settings.method](read, settings, answer)
     except Refusal as refusal:
         if refusal.is_unusable:
             raise
-        return _refused(answer, refusal)
-    answer = replace(
-        answer,
-        file=read.file,
-        sha256=read.sha256,
-        samples=read.recording.t.size,
-        turn_period_s=read.recording.turn_period_s,
-        speed_rps=float(read.recording.v.mean()),
-        columns=read.columns,
-        notes=read.notes,
-    )
-    try:
-        read = _with_own_period(read)
-        answer = replace(answer, turn_period_s=read.recording.turn_period_s, notes=read.notes)
-        return _ANSWERS[settings.method](read, settings, answer)
-    except Refusal as refusal:
-        return _refused(answer, refusal)
+        return answer.without(refusal)
 
 
-def _refused(answer: Estimate, refusal: Refusal) -> Estimate:
-    """The answer with the reason why there is none."""
-    notes = (*answer.notes, *refusal.notes)
+def _with_log(answer: Estimate, log: Log, settings: Settings) -> Estimate:
+    """The answer with what was read."""
     return replace(
         answer,
-        reason=refusal.reason.value,
-        explanation=refusal.sentence,
-        columns=answer.columns or refusal.columns,
-        notes=notes,
+        file=log.file,
+        sha256=log.sha256,
+        samples=log.recording.t.size,
+        turn_period_s=log.recording.turn_period_s,
+        speed_rps=float(log.recording.v.mean()),
+        columns=log.columns,
+        notes=(*log.notes, *([str(settings.load)] if settings.load else [])),
     )
+
+
+def examine_or_refuse(log: object, settings: Settings | Refusal) -> Estimate:
+    """Examine one log; say why where that fails, in whatever way."""
+    try:
+        if isinstance(settings, Refusal):
+            raise settings
+        return examine(log, settings)
+    except Refusal as refusal:
+        return refused(log, str(refusal))
+    except Exception as error:  # one log must not stop a thousand others
+        return refused(log, f"{name_of(log)}: {type(error).__name__}: {error}")
+
+
+def refused(log: object, why: str) -> Estimate:
+    """The answer on a log that cannot be used."""
+    return Estimate(name_of(log)).without(Refusal(why))
 
 
 def _with_own_period(log: Log) -> Log:
@@ -250,12 +268,9 @@ def _with_own_period(log: Log) -> Log:
         other = turns.dominant_period(recording, log.torque)
         period = other or turns.period_by_torque(recording, log.torque)
         if not turns.is_near_period(recording, period):
-            ratio = log.form.gear_ratio
-            instead = (
-                f"--gear-ratio {ratio * period / given:.4g}"
-                if ratio
-                else f"--turn-period {period:.4g}"
-            )
+            instead = f"--turn-period {period:.4g}"
+            if log.form.gear_ratio:
+                instead = f"--gear-ratio {log.form.gear_ratio * period / given:.4g}"
             raise Refusal(
                 f"the torque's strongest line comes every {period:.4g} s, not every {given:.4g} s: if it is gravity's, "
                 f"{instead}; if the turn given is right, --trust-period",
@@ -272,17 +287,18 @@ def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimat
     """Answer by speed and torque."""
     if log.torque is None or settings.load is None:
         raise Refusal("the log was read without its torque: give torque to read_log")
-    try:
-        fit = fit_torque(log.recording, log.torque, settings.load)
-    except Refusal as refusal:
-        raise Refusal(refusal.sentence, refusal.reason, notes=(str(settings.load),)) from refusal
+    fit = fit_torque(log.recording, log.torque, settings.load)
     if fit.is_none and log.is_links_side:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
             Reason.JOINTS_SIDE,
         )
-    trace = Trace(log.recording.t, log.torque, fit.model_torque, "torque [log's unit]")
-    notes = (*answer.notes, str(settings.load), *_torque_unit(fit, settings))
+    notes = answer.notes
+    if settings.load.motor_inertia_kgm2:
+        unit = settings.load.motor_inertia_kgm2 / fit.joint["motor_inertia"][0]
+        notes += (
+            f"the torque's unit is {unit:.3g} N m (of a current: the torque constant): right?",
+        )
     return replace(
         answer,
         verdict=NONE if fit.is_none else BACKLASH,
@@ -291,86 +307,11 @@ def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimat
         chi_squared=fit.chi_squared,
         joint=fit.joint,
         notes=notes,
-        trace=trace,
+        trace=Trace(log.recording.t, log.torque, fit.model_torque, "torque [log's unit]"),
     )
 
 
-def _torque_unit(fit: TorqueFit, settings: Settings) -> Sequence[str]:
-    """The torque's unit, by a motor inertia that is known."""
-    if settings.load is None or settings.load.motor_inertia_kgm2 is None:
-        return ()
-    unit = settings.load.motor_inertia_kgm2 / fit.joint["motor_inertia"][0]
-    return (f"the torque's unit is {unit:.3g} N m (of a current: the torque constant): right?",)
-
-
-def _answer_by_waveform(log: Log, settings: Settings, answer: Estimate) -> Estimate:
-    """Answer by a calibration."""
-    calibration, recording = settings.calibration or example_calibration(), log.recording
-    if difference := calibration.other_movement(recording):
-        raise Refusal(f"{difference}; calibrate at the speed of the logs", Reason.OTHER_MOVEMENT)
-    found = match(recording, calibration.bank, settings.is_own)
-    model = turns.periodic(found.model.coefficient, found.model.order, turns.turn_phases(recording))
-    answer = replace(
-        with_amplitude(answer, recording),
-        chi_squared=found.chi_squared,
-        notes=(*answer.notes, _HOLDS_FOR if settings.is_own else calibration.provenance),
-        trace=Trace(recording.t, recording.v, recording.v.mean() + model, "motor speed [rps]"),
-    )
-    if found.explained < _LEAST_EXPLAINED:
-        why = (
-            f"the calibration explains {max(found.explained, 0.0):.0%} of what repeats itself every turn; another "
-            "stiffness or drive, much friction, or another cause"
-        )
-        return _refused(answer, Refusal(why, Reason.NO_SIGNATURE))
-    if found.at_end:
-        low, high = (1e3 * end for end in calibration.range_rad)
-        why = (
-            f"the best match, {1e3 * found.delta_rad:.3g} mrad, is the end of the calibration's range, {low:.3g} to "
-            f"{high:.3g} mrad"
-        )
-        return _refused(answer, Refusal(why, Reason.EXTRAPOLATED))
-    half = NORMAL_95 * float(np.hypot(found.sd_rad, calibration.uncertainty_rad))
-    return replace(
-        answer,
-        verdict=BACKLASH,
-        backlash_rad=found.delta_rad,
-        backlash_interval_rad=(max(found.delta_rad - half, 0.0), found.delta_rad + half),
-    )
-
-
-def _answer_by_amplitude(log: Log, settings: Settings, answer: Estimate) -> Estimate:
-    """The paper's index, where nothing tells the backlash."""
-    return _refused(with_amplitude(answer, log.recording), Refusal(_NO_TORQUE, Reason.NO_TORQUE))
-
-
-def with_amplitude(answer: Estimate, recording: Recording) -> Estimate:
-    """The answer with the signature's amplitude, if the mean turn has one."""
-    found = measure_amplitude(recording)
-    if found is None:
-        return answer
-    interval = (
-        found.amplitude_rps - found.half_width_rps,
-        found.amplitude_rps + found.half_width_rps,
-    )
-    trace = Trace(recording.t, recording.v, found.model_rps, "motor speed [rps]")
-    return replace(
-        answer,
-        amplitude_rps=found.amplitude_rps,
-        amplitude_interval_rps=(max(interval[0], 0.0), interval[1]),
-        trace=trace,
-    )
-
-
-_ANSWERS = {
-    TORQUE: _answer_by_torque,
-    WAVEFORM: _answer_by_waveform,
-    AMPLITUDE: _answer_by_amplitude,
-}
-
-
-def calibrate(
-    logs: Sequence[object], delta_rad: Sequence[float], **given: Unpack[Given]
-) -> Calibration:
+def calibrate(logs: Sequence[object], delta_rad: Sequence[float], **given: Any) -> Calibration:
     """Calibrate on logs of one joint in one movement; other parameters are those of `estimate`.
 
     Parameters
@@ -407,4 +348,4 @@ def calibrate(
             if refusal.is_unusable:
                 raise
             raise Refusal(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
-    return fit_calibration(recordings, delta_rad, describe_source(recordings))
+    return fit_calibration(recordings, delta_rad, f"{len(recordings)} logs of this joint")

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from numbers import Real
 
-from backlash.reading.columns import is_positive
-from backlash.refusals import Refusal
+from backlash.refusals import Refusal, check_positive
 from replication.joint import GRAVITY
 
 _MOST_BELOW = 0.1  # of an inertia that was measured, below the least that its mass has
@@ -25,13 +24,14 @@ class LoadData:
 
     def __post_init__(self):
         """Refuse what no load has."""
-        given = (self.inertia_ratio, self.gravity_per_s2, self.motor_inertia_kgm2 or 1.0)
-        sds = (self.inertia_sd, self.gravity_sd)
-        is_share = all(isinstance(sd, Real) and 0 <= sd <= 0.5 for sd in sds)
-        if not (all(map(is_positive, given)) and is_share):
-            raise Refusal(
-                f"{self!r}: inertias and gravity must be above 0, SDs shares up to 0.5, all numbers"
-            )
+        check_positive(
+            inertia_ratio=self.inertia_ratio,
+            gravity=self.gravity_per_s2,
+            motor_inertia=self.motor_inertia_kgm2,
+        )
+        for sd in (self.inertia_sd, self.gravity_sd):
+            if not (isinstance(sd, Real) and 0 <= sd <= 0.5):
+                raise Refusal(f"a relative SD of {sd!r}: give 0, or a share above 0 up to 0.5")
 
     def __str__(self) -> str:
         ratio = f"an inertia ratio of {self.inertia_ratio:g} (SD {self.inertia_sd:.0%})"
@@ -51,11 +51,12 @@ def load_from_masses(
 
     Its inertia is about the joint's axis; without one the load is a point.
     """
-    given = (gear_ratio, motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2 or 1.0)
-    if not all(map(is_positive, given)):
-        raise Refusal(
-            f"gear ratio, motor inertia, mass, arm and load inertia {given}: give finite numbers above 0"
-        )
+    check_positive(
+        motor_inertia_kgm2=motor_inertia_kgm2,
+        load_mass_kg=load_mass_kg,
+        load_arm_m=load_arm_m,
+        load_inertia_kgm2=load_inertia_kgm2,
+    )
     point = load_mass_kg * load_arm_m**2
     inertia = load_inertia_kgm2 or point
     note = ""
@@ -68,7 +69,7 @@ def load_from_masses(
         note = (
             f"; the load's inertia {inertia:g} is below m r^2 = {point:.4g} kg m^2: that was taken"
         )
-    inertia = max(inertia, point)
+        inertia = point
     return LoadData(
         inertia / (gear_ratio**2 * motor_inertia_kgm2),
         GRAVITY * load_mass_kg * load_arm_m / inertia,

@@ -6,7 +6,6 @@ import os
 import sys
 import traceback
 import warnings
-from importlib import import_module
 from pathlib import Path
 
 from backlash.options import Exit, parser
@@ -29,7 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)
-            status: int = options.run(import_module("backlash.commands"), options)
+            from backlash.commands import run  # what only a right command needs
+
+            status = run(options)
             sys.stdout.flush()
             return status
     except (Exception, KeyboardInterrupt) as error:
@@ -49,8 +50,8 @@ def _ending(error: BaseException) -> tuple[int, str]:
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
         # Nothing is left to be flushed at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        is_read = error.errno != errno.EPIPE
-        return Exit.DEFECT, f"the answer cannot be written ({error.strerror})" if is_read else ""
+        why = f"the answer cannot be written ({error.strerror})"
+        return Exit.DEFECT, "" if error.errno == errno.EPIPE else why
     if isinstance(error, OSError) and error.filename is not None:
         return Exit.UNUSABLE, one_line(f"{error.filename}: {error.strerror}; check the name")
     if isinstance(error, MemoryError):

@@ -2,20 +2,18 @@
 
 import argparse
 from enum import IntEnum
+from functools import partial
 from pathlib import Path
 
 from backlash import __version__
-from backlash.reading import UNITS
-from backlash.refusals import one_line
-
-METHODS = ("torque", "waveform", "amplitude")
+from backlash.refusals import one_line, option_of, unit_of
 
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
     "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered."
 )
-_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 3 --fail-on holds, 130 interrupted."
+_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 130 interrupted."
 _EXAMPLE = (
     "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
     "or more: backlash estimate log.csv --unit rpm --torque torque --gear-ratio 100 --motor-inertia 1e-4 "
@@ -50,7 +48,6 @@ class Exit(IntEnum):
     DONE = 0
     DEFECT = 1
     UNUSABLE = 2
-    FAILED = 3
     INTERRUPTED = 130
 
 
@@ -73,124 +70,148 @@ def parser() -> argparse.ArgumentParser:
         prog="backlash", description=_ABOUT, epilog=_STATUS
     )
     whole.add_argument("--version", action="version", version=__version__)
-    commands = whole.add_subparsers(required=True, metavar="COMMAND")
+    commands = whole.add_subparsers(required=True, dest="command", metavar="COMMAND")
     log = argparse.ArgumentParser(add_help=False)
     _add_movement(log)
     _add_columns(log)
     load = argparse.ArgumentParser(add_help=False)
     _add_torque(load)
     _add_speed(load)
-    what = "backlash (half of the play) from logs of the motor encoder and torque"
-    about = f"{_ABOUT} {_EXAMPLE}"
+    load.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores)")
     estimate = commands.add_parser(
-        "estimate", parents=[load, log], help=what, description=about, epilog=_WRONG + _STATUS
+        "estimate",
+        parents=[load, log],
+        help="backlash (half of the play) from logs of the motor encoder and torque",
+        description=f"{_ABOUT} {_EXAMPLE}",
+        epilog=_WRONG + _STATUS,
     )
-    estimate.set_defaults(run=lambda commands, options: commands.run_estimate(options))
     _add_answers(estimate)
-    what = "a calibration from logs of known backlash"
-    calibrate = commands.add_parser("calibrate", parents=[log], help=what)
-    calibrate.set_defaults(run=lambda commands, options: commands.run_calibrate(options))
-    _add_calibrate(calibrate)
-    what = "growth of the backlash, and when it crosses a limit"
-    trend = commands.add_parser("trend", parents=[load, log], help=what)
-    trend.set_defaults(run=lambda commands, options: commands.run_trend(options))
-    _add_trend(trend)
-    for command in (estimate, trend):
-        what = "processes (default: all cores)"
-        command.add_argument("--jobs", type=int, default=-1, help=what)
+    _add_calibrate(
+        commands.add_parser(
+            "calibrate", parents=[log], help="a calibration from logs of known backlash"
+        )
+    )
+    _add_trend(
+        commands.add_parser(
+            "trend", parents=[load, log], help="growth of the backlash, and when it crosses a limit"
+        )
+    )
     return whole
 
 
-def _add_numbers(group: argparse._ArgumentGroup, *rows: tuple[str, str, str, str]) -> None:
-    """Options of a number each: option, keyword of `estimate`, unit, help."""
-    for option, name, unit, what in rows:
-        group.add_argument(option, dest=name, type=float, metavar=unit, help=what)
+def _add_numbers(group: argparse._ActionsContainer, **what: str) -> None:
+    """Options of a number each: keyword of `estimate`, and help."""
+    for name, text in what.items():
+        unit = unit_of(name) or "n"
+        group.add_argument(option_of(name), dest=name, type=float, metavar=unit.upper(), help=text)
 
 
 def _add_answers(command: argparse.ArgumentParser) -> None:
-    what = "CSV, XLSX or Parquet files, or folders of them; - is the standard input"
-    command.add_argument("log", nargs="*", type=_path, help=what)
+    command.add_argument(
+        "log",
+        nargs="*",
+        type=_path,
+        help="CSV, XLSX or Parquet files, or folders of them; - is the standard input",
+    )
     group = command.add_argument_group("answers")
     add = group.add_argument
-    what = "print an array with an object for each log, at the end"
-    add("--json", action="store_true", help=what)
-    what = "print a line with an object for each log, as soon as it is answered"
-    add("--jsonl", action="store_true", help=what)
-    what = "write a table, one row per log: .csv or .parquet; interrupted, the same command goes on"
-    add("--out", type=_path, metavar="TABLE", help=what)
+    add(
+        "--json", action="store_true", help="print an array with an object for each log, at the end"
+    )
+    add(
+        "--jsonl",
+        action="store_true",
+        help="print a line with an object for each log, as soon as it is answered",
+    )
+    add(
+        "--out",
+        type=_path,
+        metavar="TABLE",
+        help="write a table, one row per log: .csv or .parquet; interrupted, the same command goes on",
+    )
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
-    _add_numbers(group, ("--arm", "arm_m", "M", "give the play in mm at this arm, too"))
-    what = (
-        "exit with 3 if a log is one of these: cannot-tell, no-backlash, backlash, backlash>0.5mrad"
+    _add_numbers(group, arm_m="give the play in mm at this arm, too")
+    add(
+        "--batch",
+        type=_path,
+        metavar="TABLE",
+        help="CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, "
+        "torque, inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
+        "calibration, ...",
     )
-    add("--fail-on", metavar="LIST", help=what)
-    what = (
-        "CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, torque, "
-        "inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
-        "calibration, ..."
-    )
-    add("--batch", type=_path, metavar="TABLE", help=what)
 
 
 def _add_calibrate(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    what = "CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more"
-    add("table", type=_path, help=what)
+    add(
+        "table",
+        type=_path,
+        help="CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more",
+    )
     add("--out", type=_path, required=True, metavar="FILE", help="the calibration, .json")
 
 
 def _add_trend(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    what = "logs or folders, dates in their names, like 2024-03-17"
-    add("log", nargs="+", type=_path, help=what)
+    add("log", nargs="+", type=_path, help="logs or folders, dates in their names, like 2024-03-17")
     add("--dates", type=_path, metavar="TABLE", help="CSV with the columns file and date instead")
-    what = "the backlash (half of the play) whose date is wanted, in rad: 0.001 for 1 mrad"
-    add("--limit", type=float, metavar="RAD", help=what)
-    what = "growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told"
-    add("--relative", action="store_true", help=what)
+    _add_numbers(
+        command, limit_rad="the backlash (half of the play) whose date is wanted: 0.001 for 1 mrad"
+    )
+    add(
+        "--relative",
+        action="store_true",
+        help="growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told",
+    )
     add("--json", action="store_true", help="print an object")
     add("--plot", type=_path, metavar="FILE", help=_FIGURE)
 
 
 def _add_torque(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("by the torque (recommended)", _TORQUE)
-    what = "or current; positive if it drives forward"
-    group.add_argument("--torque", metavar="COLUMN", help=what)
+    group.add_argument(
+        "--torque", metavar="COLUMN", help="or current; positive if it drives forward"
+    )
     _add_numbers(
         group,
-        ("--motor-inertia", "motor_inertia_kgm2", "KGM2", "J_m, to check the torque's unit, too"),
-        ("--load-mass", "load_mass_kg", "KG", "m, of all that the joint moves"),
-        ("--load-arm", "load_arm_m", "M", "r, from the axis to its centre of mass"),
-        ("--load-inertia", "load_inertia_kgm2", "KGM2", "J_l, about the axis (default: m r^2)"),
-        ("--inertia-ratio", "inertia_ratio", "RHO", "J_l/(N^2 J_m), load over motor"),
-        ("--gravity", "gravity_per_s2", "PER_S2", "m g r/J_l; 9.81/r of a point at r [m]"),
-        ("--inertia-sd", "inertia_sd", "SHARE", "relative SD of the inertia ratio (0.1)"),
-        ("--gravity-sd", "gravity_sd", "SHARE", "relative SD of the gravity (0.05)"),
+        motor_inertia_kgm2="J_m, to check the torque's unit, too",
+        load_mass_kg="m, of all that the joint moves",
+        load_arm_m="r, from the axis to its centre of mass",
+        load_inertia_kgm2="J_l, about the axis (default: m r^2)",
+        inertia_ratio="J_l/(N^2 J_m), load over motor",
+        gravity_per_s2="m g r/J_l; 9.81/r of a point at r [m]",
+        inertia_sd="relative SD of the inertia ratio (0.1)",
+        gravity_sd="relative SD of the gravity (0.05)",
     )
 
 
 def _add_speed(command: argparse.ArgumentParser) -> None:
     add = command.add_argument_group("by the speed alone", _SPEED).add_argument
     add("--calibration", type=_path, metavar="FILE", help="of your joint, see `backlash calibrate`")
-    what = "default: torque with --torque, waveform with --calibration, else amplitude"
-    add("--method", choices=METHODS, help=what)
+    add(
+        "--method",
+        help="torque (default with --torque), waveform (with --calibration), else amplitude",
+    )
 
 
 def _add_movement(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("the movement", _SIDES)
-    ring = "of the oscillation after an impact (21): sample 4 times as fast"
     _add_numbers(
         group,
-        ("--gear-ratio", "gear_ratio", "N", "motor turns in a load turn; 1 for the joint's side"),
-        ("--turn-period", "turn_period_s", "S", "of the load [s], instead or too"),
-        ("--commanded-speed", "commanded_speed_rps", "RPS", "to check the unit by"),
-        ("--ring", "ring_hz", "HZ", ring),
-        ("--from", "start_s", "S", "leave out what is before [s from the first sample]"),
-        ("--to", "end_s", "S", "leave out what is after"),
+        gear_ratio="motor turns in a load turn; 1 for the joint's side",
+        turn_period_s="of the load, instead or too",
+        commanded_speed_rps="to check the unit by",
+        ring_hz="of the oscillation after an impact (21): sample 4 times as fast",
     )
-    what = "the turn that is given is right, whatever the record seems to repeat itself by"
-    group.add_argument("--trust-period", action="store_true", help=what)
+    add = partial(group.add_argument, type=float, metavar="S")
+    add("--from", dest="start_s", help="leave out what is before [s from the first sample]")
+    add("--to", dest="end_s", help="leave out what is after")
+    group.add_argument(
+        "--trust-period",
+        action="store_true",
+        help="the turn that is given is right, whatever the record seems to repeat itself by",
+    )
 
 
 def _add_columns(command: argparse.ArgumentParser) -> None:
@@ -201,13 +222,12 @@ def _add_columns(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("the log's columns", what)
     add = group.add_argument
     add("--time", metavar="COLUMN", help="stamps")
-    units = ("s", "ms", "us", "ns", "100ns", "min", "h", "d")
-    add("--time-unit", choices=units, help="of the time stamps")
-    rate = "without stamps, or where they are to be ignored: samples a second"
-    _add_numbers(group, ("--rate", "rate_hz", "HZ", rate))
+    add("--time-unit", metavar="UNIT", help="of the time stamps: s, ms, us, ns, 100ns, min, h, d")
+    _add_numbers(group, rate_hz="without stamps, or where they are to be ignored: samples a second")
     add("--speed", metavar="COLUMN", help="of the motor, or the joint (--gear-ratio 1)")
     add("--position", metavar="COLUMN", help="instead of the speed")
-    what = "of the speed; of a position: rps for turns, rad/s for rad"
-    add("--unit", choices=UNITS, help=what)
-    counts = "encoder counts of a motor turn"
-    _add_numbers(group, ("--counts-per-turn", "counts_per_turn", "N", counts))
+    add(
+        "--unit",
+        help="of the speed: rps, rpm, rad/s, deg/s, counts; of a position: rps for turns, rad/s for rad",
+    )
+    _add_numbers(group, counts_per_turn="encoder counts of a motor turn")

@@ -64,9 +64,10 @@ def trend_figure(trend: Trend) -> Figure:
     figure, axis = plt.subplots(figsize=(5.3, 3.4))
     points = trend.points
     scale, unit = trend.shown_in
-    value = scale * points["value"]
-    ends = np.abs(scale * points[["low", "high"]].to_numpy().T - value.to_numpy())
-    axis.errorbar(points["date"], value, ends, fmt="ko", label="estimate, 95 %")
+    value, low, high = (scale * points[name] for name in ("value", "low", "high"))
+    axis.errorbar(
+        points["date"], value, [value - low, high - value], fmt="ko", label="estimate, 95 %"
+    )
     since = days_since(points["date"], trend.origin)
     last = since[-1]
     if trend.crossing:
@@ -76,14 +77,14 @@ def trend_figure(trend: Trend) -> Figure:
     line, half = trend.band(days)
     dates = trend.origin + pd.to_timedelta(days, unit="D")
     axis.plot(dates, scale * line, color="C0", label="line")
-    low, high = scale * (line - half), scale * (line + half)
-    axis.fill_between(dates, low, high, color="C0", alpha=0.15, lw=0, label="its 95 %")
+    band = scale * (line - half), scale * (line + half)
+    axis.fill_between(dates, *band, color="C0", alpha=0.15, lw=0, label="its 95 %")
     if trend.limit_rad is not None:
         axis.axhline(scale * trend.limit_rad, color="C3", linestyle="--", label="limit")
         first, after = trend.crossing_interval
         if first and after:
-            span = first, min(after, dates[-1])
-            axis.axvspan(*span, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
+            after = min(after, dates[-1])
+            axis.axvspan(first, after, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
     name = "amplitude" if trend.is_relative else "backlash $\\delta$"
     axis.margins(x=0.03)
     axis.set(ylabel=f"{name} [{unit}]", ylim=(0, None))

@@ -1,7 +1,10 @@
 """The one kind of refusal: a reason, and a sentence that says what is wrong, where, and what to do."""
 
+import math
+import re
 from enum import Enum
 from importlib import import_module
+from numbers import Real
 from typing import Any
 
 from replication.records import UserError
@@ -67,10 +70,29 @@ def one_line(text: str) -> str:
     return "".join(each if each.isprintable() else "?" for each in " ".join(text.split()))
 
 
+def unit_of(keyword: str) -> str:
+    """Unit at the end of a keyword of `estimate`; "" if it has none."""
+    found = re.search("_(per_s2|kgm2|rad|rps|hz|kg|m|s)$", keyword)
+    return found[1] if found else ""
+
+
+def option_of(keyword: str) -> str:
+    """The command line's option for a keyword of `estimate`: its name without the unit."""
+    return "--" + keyword.removesuffix(f"_{unit_of(keyword)}").replace("_", "-")
+
+
+def check_positive(**given: object) -> None:
+    """Refuse what is given and no finite number above 0."""
+    for name, value in given.items():
+        if value is not None and not (isinstance(value, Real) and 0 < float(value) < math.inf):
+            raise Refusal(f"{option_of(name)} {value!r}: give a finite number above 0")
+
+
 def library(name: str, extra: str) -> Any:
     """A library that an installation may lack."""
     try:
         return import_module(name)
     except ImportError as error:
-        what = f"{name} is not installed: pip install 'backlash-replication[{extra}]'"
-        raise Refusal(f"{what}, or keep to CSV") from error
+        raise Refusal(
+            f"{name} is not installed: pip install 'backlash-replication[{extra}]', or keep to CSV"
+        ) from error

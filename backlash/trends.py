@@ -7,22 +7,22 @@ instead, in percent of the first.
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.special import fdtri, ndtri, stdtrit
 
-from backlash import __version__, batch
+from backlash import __version__
+from backlash.batch import estimate_many
 from backlash.calibration import MISMATCH, MOST_RAD
-from backlash.reading.batch import KEYS, read_rows
-from backlash.reading.columns import is_positive
+from backlash.estimates import CANNOT_TELL
+from backlash.plant import KEYS, read_rows
 from backlash.reading.sources import name_of
-from backlash.refusals import Refusal, one_line
-from backlash.settings import Given
+from backlash.refusals import Refusal, check_positive, one_line
 from replication.signature import FloatArray
 
 CONFIDENCE = 0.95
@@ -43,7 +43,12 @@ class Trend:
     quantile: float  # of the t distribution, for two-sided intervals at `CONFIDENCE`
     limit_rad: float | None
     is_relative: bool  # the values are amplitudes, in percent of the first log's
-    warnings: tuple[str, ...]
+    notes: tuple[str, ...]  # on the logs and the line
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the line or its crossing less sure."""
+        return (*self.notes, *_notes_on_crossing(self))
 
     @property
     def growth_interval(self) -> tuple[float, float]:
@@ -84,26 +89,18 @@ class Trend:
         return (1.0, "% of the first") if self.is_relative else (1e3, "mrad")
 
     def to_dict(self) -> dict[str, object]:
-        """The points, growth and crossing, ready for JSON; keys say the unit."""
-        name, unit = ("relative_index", "percent") if self.is_relative else ("backlash", "rad")
-        points = [
-            {
-                "file": row.file,
-                "date": _day(row.date),
-                f"{name}_{unit}": row.value,
-                f"{name}_interval_{unit}": [row.low, row.high],
-            }
-            for row in self.points.itertuples()
-        ]
+        """The points, growth and crossing, ready for JSON."""
+        dates = self.points["date"].dt.strftime("%Y-%m-%d")
         return {
-            "points": points,
-            f"growth_{unit}_per_day": self.line[1],
-            f"growth_interval_{unit}_per_day": list(self.growth_interval),
+            "points": self.points.assign(date=dates).to_dict("records"),
+            "unit": "percent" if self.is_relative else "rad",
+            "growth_per_day": self.line[1],
+            "growth_interval_per_day": self.growth_interval,
             "limit_rad": self.limit_rad,
             "crossing_date": _day(self.crossing),
             "crossing_interval": [_day(end) for end in self.crossing_interval],
             "confidence": CONFIDENCE,
-            "warnings": list(self.warnings),
+            "warnings": self.warnings,
             "is_relative": self.is_relative,
             "alarm": self.alarm,
             "version": __version__,
@@ -138,7 +135,7 @@ def trend(
     limit_rad: float | None = None,
     relative: bool = False,
     jobs: int = 1,
-    **given: Unpack[Given],
+    **given: Any,
 ) -> Trend:
     """Fit a line to the backlashes of dated logs of one joint; parameters not named here are those of `estimate`.
 
@@ -178,9 +175,8 @@ def trend(
         days = list(pd.DatetimeIndex(dates))
     if len(days) != len(logs):
         raise Refusal(f"{len(logs)} logs and {len(days)} dates; give a date for each log")
-    answers = dict(batch.run_batch(batch.read_batch(logs, given), jobs))
-    table = batch.as_table([answers[number] for number in sorted(answers)])
-    return fit_trend(table, days, limit_rad, relative)
+    answers = estimate_many(logs, jobs=jobs, **given)
+    return fit_trend(answers, days, limit_rad, relative)
 
 
 def trend_many(
@@ -246,44 +242,48 @@ def fit_trend(
     relative: bool = False,
 ) -> Trend:
     """Fit a line to dated backlashes in a table of answers; to amplitudes if `relative`, or if no log has an answer."""
-    if limit_rad is not None and not (is_positive(limit_rad) and limit_rad <= MOST_RAD):
-        raise Refusal(
-            f"--limit {limit_rad!r}: give a backlash above 0, at most {MOST_RAD:g} [rad]; 1 mrad is 0.001"
-        )
-    relative = relative or bool((answers["verdict"] == "cannot tell").all())
+    check_positive(limit_rad=limit_rad)
+    if limit_rad and limit_rad > MOST_RAD:
+        raise Refusal(f"--limit {limit_rad:g}: give at most {MOST_RAD:g} [rad]; 1 mrad is 0.001")
+    relative = relative or bool((answers["verdict"] == CANNOT_TELL).all())
     points = _points(answers.assign(date=list(dates)), relative)
-    warnings = _left_out(points, answers)
+    notes = _left_out(points, answers)
     if relative:
         what = "the oscillation's amplitude in percent of the first log's, not the backlash"
-        warnings.append(f"relative: {what}; a limit in rad says nothing of it")
+        notes.append(f"relative: {what}; a limit in rad says nothing of it")
         limit_rad = None
     value = points["value"].to_numpy()
     deviation = (points["high"] - points["low"]).to_numpy() / 2 / ndtri((1 + CONFIDENCE) / 2)
-    weight = 1 / np.maximum(deviation, 1e-3 * value.max()) ** 2
-    first = points["date"].iloc[0]
-    since = days_since(points["date"], first)
-    middle = float(weight @ since / weight.sum())
-    days = since - middle
+    weight = 1 / np.maximum(deviation, 1e-3 * value.max())
+    since = days_since(points["date"], points["date"].iloc[0])
+    days = since - np.average(since, weights=weight**2)
     # Of the growth since the first log: equal estimates then have a slope of zero, to the last
     # digit.
     grown = value - value[0]
-    line, covariance = np.polyfit(days, grown, 1, w=np.sqrt(weight), cov="unscaled")
+    line, covariance = np.polyfit(days, grown, 1, w=weight, cov="unscaled")
     freedom = value.size - 2
-    chi2 = float(weight @ (grown - np.polyval(line, days)) ** 2)
+    chi2, curved = (_misfit(days, grown, weight, degree) for degree in (1, 2))
     (of_growth, shared), (_, of_value) = covariance * max(1.0, chi2 / freedom)
-    fitted = Trend(
+    # Whether a parabola is better than the line, by an F test at 5 %.
+    gain = (chi2 - curved) / max(curved / max(freedom - 1, 1), 1.0)
+    if freedom > 2 and gain > fdtri(1, freedom - 1, 0.95):
+        notes.append("the growth is no straight line: the date of the crossing may be far off")
+    return Trend(
         points=points,
-        origin=first + pd.Timedelta(days=middle),
+        origin=points["date"].iloc[0] - pd.Timedelta(days=days[0]),
         line=(float(value[0] + line[1]), float(line[0])),
         variance=np.poly1d([of_growth, 2 * shared, of_value]),
         quantile=float(stdtrit(freedom, (1 + CONFIDENCE) / 2)),
         limit_rad=limit_rad,
         is_relative=relative,
-        warnings=(),
+        notes=tuple(notes),
     )
-    if freedom > 2 and _is_curved(days, grown, weight, chi2):
-        warnings.append("the growth is no straight line: the date of the crossing may be far off")
-    return replace(fitted, warnings=(*warnings, *_notes_on_crossing(fitted)))
+
+
+def _misfit(days: FloatArray, grown: FloatArray, weight: FloatArray, degree: int) -> float:
+    """Chi squared of the best polynomial of a degree."""
+    fit = np.polyfit(days, grown, degree, w=weight)
+    return float(np.square(weight * (grown - np.polyval(fit, days))).sum())
 
 
 def days_since(dates: pd.Series, origin: pd.Timestamp) -> FloatArray:
@@ -327,18 +327,12 @@ def _points(answers: pd.DataFrame, relative: bool) -> pd.DataFrame:
         values = used[name]
         if values.max() > (1 + MISMATCH) * values.min():
             other = used["file"][(values / values.median() - 1).abs().idxmax()]
-            what = f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others"
-            raise Refusal(f"{what}: amplitudes are only comparable between logs of one movement")
+            raise Refusal(
+                f"{values.min():.4g} to {values.max():.4g} {unit}, {other} unlike the others: "
+                "amplitudes are only comparable between logs of one movement"
+            )
     points[["value", "low", "high"]] *= 100 / points["value"].iloc[0]
     return points
-
-
-def _is_curved(days: FloatArray, grown: FloatArray, weight: FloatArray, chi2: float) -> bool:
-    """Whether a parabola is better than the line, by an F test at 5 %."""
-    parabola = np.polyfit(days, grown, 2, w=np.sqrt(weight))
-    curved = float(weight @ (grown - np.polyval(parabola, days)) ** 2)
-    freedom = days.size - 3
-    return (chi2 - curved) / max(curved / freedom, 1.0) > fdtri(1, freedom, 0.95)
 
 
 def _day(stamp: pd.Timestamp | None) -> str | None:

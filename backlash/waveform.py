@@ -29,23 +29,21 @@ _LEAST_GAIN = 8.0
 
 @dataclass(frozen=True, eq=False)
 class WaveformBank:
-    """Mean turns of one joint at known backlashes, aligned with one another.
+    """Harmonics of the mean turn of one joint at known backlashes, in phase with one another.
 
     The degree of the polynomials grows with the levels, so that leaving one out tells how good they are: 2 for six, 3
     for seven or eight, 4 from nine on.
     """
 
     delta_rad: FloatArray  # increasing, shape (levels,)
-    waveform_rps: FloatArray  # less its mean, at even phases from 0, shape (levels, phases)
+    harmonics_rps: ComplexArray  # from order 1, shape (levels, orders)
     left_out: int = 0  # levels, which count for the degree
 
     @cached_property
     def _coefficients(self) -> ComplexArray:
         degree = min(_MOST_DEGREE, (self.delta_rad.size + self.left_out - 1) // 2)
-        spectra = np.fft.rfft(self.waveform_rps) / self.waveform_rps.shape[1]
-        place = self._place(self.delta_rad)
-        parts = [chebyshev.chebfit(place, part, degree) for part in (spectra.real, spectra.imag)]
-        return np.asarray(parts[0] + 1j * parts[1])
+        fit = chebyshev.chebfit(self._place(self.delta_rad), self.harmonics_rps, degree)
+        return np.asarray(fit, dtype=complex)
 
     def _place(self, delta_rad: ArrayLike) -> FloatArray:
         """Backlash on the scale of -1 to 1 over the bank."""
@@ -53,13 +51,13 @@ class WaveformBank:
         return (2 * np.asarray(delta_rad) - low - high) / (high - low)
 
     def at(self, delta_rad: float) -> ComplexArray:
-        """Harmonics of the turn at a backlash, from order 0."""
+        """Harmonics of the turn at a backlash."""
         return np.asarray(chebyshev.chebval(self._place(delta_rad), self._coefficients))
 
     def without(self, level: int) -> "WaveformBank":
         """The bank without one of its levels, by position."""
         delta = np.delete(self.delta_rad, level)
-        return WaveformBank(delta, np.delete(self.waveform_rps, level, axis=0), self.left_out + 1)
+        return WaveformBank(delta, np.delete(self.harmonics_rps, level, axis=0), self.left_out + 1)
 
 
 @dataclass(frozen=True)
@@ -80,28 +78,28 @@ def low_passed(order: ArrayLike, low_pass: float) -> ComplexArray:
     return np.asarray(np.exp(lag) / (1 + lag))
 
 
-def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[FloatArray]) -> WaveformBank:
-    """Align mean turns of known backlash, at any phase; those of one backlash are averaged."""
-    aligned: dict[float, list[FloatArray]] = {}
+def make_bank(delta_rad: Sequence[float], turns_rps: Sequence[ComplexArray]) -> WaveformBank:
+    """Align harmonics of mean turns of known backlash, at any phase; those of one backlash are averaged."""
+    orders = min(turn.size for turn in turns_rps)
+    aligned: dict[float, list[ComplexArray]] = {}
     for k in np.argsort(delta_rad, kind="stable"):
-        turn = turns_rps[k] - turns_rps[k].mean()
+        turn = turns_rps[k][:orders]
         if aligned:
             last = np.mean(next(reversed(aligned.values())), axis=0)
-            turn = _delayed(turn, -_best_delay(np.fft.rfft(last), np.fft.rfft(turn)))
+            turn = _delayed(turn, -_best_delay(last, turn))
         aligned.setdefault(float(delta_rad[k]), []).append(turn)
     levels = [np.mean(turns, axis=0) for turns in aligned.values()]
     return WaveformBank(np.array(list(aligned)), np.array(levels))
 
 
-def _delayed(turn: FloatArray, delay: float) -> FloatArray:
-    """A periodic turn later by a share of it, band-limited."""
-    spectrum = np.fft.rfft(turn)
-    return np.fft.irfft(spectrum * np.exp(-1j * TURN * delay * np.arange(spectrum.size)), turn.size)
+def _delayed(turn: ComplexArray, delay: float) -> ComplexArray:
+    """Harmonics of a turn later by a share of it."""
+    return turn * np.exp(-1j * TURN * delay * np.arange(1, turn.size + 1))
 
 
 def _best_delay(model: ComplexArray, seen: ComplexArray) -> float:
     """By how many turns a turn is later than a model, from their harmonics, by the largest correlation."""
-    correlation = np.fft.irfft(seen * np.conj(model), 4096)
+    correlation = np.fft.irfft(np.append(0, seen * np.conj(model)), 4096)
     k = int(correlation.argmax())
     before, here, after = correlation[[k - 1, k, (k + 1) % correlation.size]]
     bend = 2 * here - before - after
@@ -115,24 +113,23 @@ def match(recording: Recording, bank: WaveformBank, is_own: bool = False) -> Wav
     one.
     """
     seen = harmonics(recording, recording.v, FASTEST_HZ)
-    used = min(seen.order.size, bank.waveform_rps.shape[1] // 2)
-    seen = Harmonics(seen.order[:used], seen.omega[:used], seen.coefficient[:used], seen.sd[:used])
+    used = min(seen.order.size, bank.harmonics_rps.shape[1])
+    seen = Harmonics._make(part[:used] for part in seen)
     size = np.linalg.norm(seen.coefficient)
     # The mean turn's noise, and what no model of a joint explains.
     sd = np.hypot(seen.sd, _MODEL_ERROR * size / np.sqrt(2 * used))
     low, high = bank.delta_rad[[0, -1]]
 
     def model(place: float, delay: float, low_pass: float = 0.0) -> ComplexArray:
-        wave = bank.at(low + place * (high - low))[1 : used + 1]
-        return wave * np.exp(-1j * TURN * delay * seen.order) * low_passed(seen.order, low_pass)
+        wave = _delayed(bank.at(low + place * (high - low))[:used], delay)
+        return wave * low_passed(seen.order, low_pass)
 
     def residuals(unknowns: FloatArray) -> FloatArray:
         left = (model(*unknowns) - seen.coefficient) / sd
         return np.concatenate([left.real, left.imag])
 
-    whole = np.append(0, seen.coefficient)
     places = np.linspace(0.01, 0.99, 4 * bank.delta_rad.size)
-    starts = [(place, _best_delay(np.append(0, model(place, 0.0)), whole)) for place in places]
+    starts = [(place, _best_delay(model(place, 0.0), seen.coefficient)) for place in places]
     start = min(starts, key=lambda each: float(np.square(residuals(np.array(each))).sum()))
     fits = [least_squares(residuals, start, bounds=([0, -1], [1, 2]), x_scale=[1.0, 0.1])]
     for seconds in _LOW_PASSES_S if is_own else ():

@@ -2,7 +2,6 @@
 
 import shlex
 import zipfile
-from dataclasses import replace
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -22,17 +21,11 @@ TURN = LogFormat(turn_period_s=0.4)
 
 
 @lru_cache
-def clean(delta_rad: float = 9e-4) -> Recording:
-    run = simulate(identified_joint(), delta_rad)
-    return Recording(run.t, run.v, 100.0, 0.4, "simulated")
-
-
-@lru_cache
 def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Recording:
     """Twelve turns of the paper's joint."""
-    record = clean(delta_rad)
-    noise = np.random.default_rng(seed).uniform(-noise_rps, noise_rps, record.v.size)
-    return replace(record, v=record.v + noise)
+    run = simulate(identified_joint(), delta_rad)
+    noise = np.random.default_rng(seed).uniform(-noise_rps, noise_rps, run.v.size)
+    return Recording(run.t, run.v + noise, 100.0, 0.4, "simulated")
 
 
 def table(recording: Recording) -> pd.DataFrame:
@@ -44,7 +37,7 @@ def table(recording: Recording) -> pd.DataFrame:
 def text(header="time [s],speed [rps]", row="{t:.6f},{v:.5f}", record=None) -> str:
     record = record or noisy()
     rows = [
-        row.format(t=t, v=v, ns=round(1e9 * t), rpm=60 * v, rad=2 * np.pi * v, deg=360 * v)
+        row.format(t=t, v=v, ns=round(1e9 * t), rpm=60 * v, rad=2 * np.pi * v)
         for t, v in zip(record.t, record.v, strict=True)
     ]
     return "\n".join([*([header] if header else []), *rows, ""])

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from backlash.reading.columns import numbers
 from backlash.reading.tables import TIME_OF_DAY
@@ -18,8 +17,6 @@ _LONGEST_STEP = 3.5  # in sampling periods
 _LONGEST_FILLED_S = 0.010
 _MOST_INVENTED = 0.1  # of the samples; above, the stamps are not those of the samples
 _FEW_GAPS = 0.02  # of the steps; more are bursts or lost samples
-_FIRST = 64  # samples within which a clock's error does not add up to one
-_TRIALS = 81  # periods, over which the phase of a part's stamps turns by less than half a turn from one to the next
 _SINCE_1970_S = (1e9, 4e9)  # from 2001 to 2096
 
 
@@ -66,8 +63,11 @@ def refuse_backward(t: FloatArray, rows: pd.Index) -> None:
     if wrong.size:
         k = wrong[0] + 1
         where = f"{t[k]:.6g} s follow {t[k - 1]:.6g} s after the first"
-        what = f"its time stamps start anew or run backward ({where}; {wrong.size} such rows)"
-        raise Refusal(f"{what}; keep one run, sorted by time", row=rows[k])
+        raise Refusal(
+            f"its time stamps start anew or run backward ({where}; {wrong.size} such rows); "
+            "keep one run, sorted by time",
+            row=rows[k],
+        )
 
 
 def sampling_period(t: FloatArray, least_hz: float, ring_hz: float) -> float:
@@ -81,9 +81,11 @@ def sampling_period(t: FloatArray, least_hz: float, ring_hz: float) -> float:
     if np.mean(missing > 0) > _FEW_GAPS:
         _refuse_invented(int(missing.sum()), t)
     if rate < least_hz:
-        what = f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least"
         cure = "--ring gives the joint's own; are the time stamps in s? if not, give --time-unit"
-        raise Refusal(f"{what} ({cure})")
+        raise Refusal(
+            f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least"
+            f" ({cure})"
+        )
     return dt
 
 
@@ -92,9 +94,11 @@ def _refuse_invented(missing: int, t: FloatArray) -> None:
     share = missing / (missing + t.size)
     if share > _MOST_INVENTED:
         rate = (t.size - 1) / (t[-1] - t[0])
-        what = f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented"
         cure = f"--rate {rate:.6g}, if it was sampled evenly"
-        raise Refusal(f"{what}; there are {rate:.6g} samples a second: give {cure}")
+        raise Refusal(
+            f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented; "
+            f"there are {rate:.6g} samples a second: give {cure}"
+        )
 
 
 def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
@@ -104,38 +108,16 @@ def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(ends)]
 
 
-def _numbers_on_grid(t: FloatArray, dt: float) -> NDArray[np.int64]:
-    """Numbers of samples on the grid that they were taken on: an even one, or one whose clock drifts.
+def _even_clock(t: FloatArray, dt: float) -> tuple[FloatArray, float, float]:
+    """Numbers of samples on the grid that they were taken on, its period and its start [s].
 
-    The numbers of the fewest holes are taken.
+    None is missing, or those that long steps tell of: taken is what an even clock explains better, for steps are long
+    also where stamps are late.
     """
-    steps = np.maximum(np.rint(np.diff(t) / dt), 1.0).astype(np.int64)
-    drifting = np.concatenate(([0], np.cumsum(steps)))
-    even = _numbers_in_phase(t, dt)
-    if even[-1] == t.size - 1:  # none is missing, however late its stamp is
-        return np.arange(t.size)
-    is_even = bool((np.diff(even) > 0).all()) and even[-1] <= drifting[-1]
-    return even if is_even else drifting
-
-
-def _numbers_in_phase(t: FloatArray, dt: float) -> NDArray[np.int64]:
-    """Numbers on an even grid, some twice if there is none.
-
-    Its period is what brings the stamps in phase, at first those of a short part, then of longer ones.
-    """
-    since = t - t[0]
-    reach, size, start = 0.1, 0, 0.0
-    while size < t.size:
-        size = min(max(_FIRST, 4 * size), t.size)
-        trials = dt * (1 + reach * np.linspace(-1, 1, _TRIALS))
-        part = since[: size : max(1, size // 2048)]
-        phases = np.exp(2j * np.pi * part / trials[:, None]).sum(axis=1)
-        best = int(np.abs(phases).argmax())
-        dt = trials[best]
-        start = dt * np.angle(phases[best]) / (2 * np.pi)
-        reach = 1.5 / size
-    k = np.rint((since - start) / dt).astype(np.int64)
-    return k - k[0]
+    steps = np.maximum(np.rint(np.diff(t) / dt), 1.0)
+    numbered = np.arange(float(t.size)), np.concatenate(([0.0], np.cumsum(steps)))
+    clocks = [(k, *np.polyfit(k, t, 1)) for k in numbered]
+    return min(clocks, key=lambda clock: np.std(t - clock[1] * clock[0]) / clock[1])
 
 
 def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
@@ -158,11 +140,10 @@ def place_on_grid(
     What strays by more than a period is a clock's drift, and followed; what is fast is if the signal
     follows it.
     """
-    k = _numbers_on_grid(t, dt)
+    k, dt, start = _even_clock(t, dt)
     holes = int(k[-1]) + 1 - k.size
     _refuse_invented(holes, t)
-    dt, start = np.polyfit(k, t, 1)
-    places = k.astype(float)
+    places = k.copy()
     stray = (t - start) / dt - k
     nominal = float(f"{1 / dt:.3g}")
     if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:

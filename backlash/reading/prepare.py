@@ -100,7 +100,6 @@ def _read_signals(
         raise Refusal(f"{counted}; a log of {_LEAST_TURNS} load turns is needed")
     if form.rate_hz:
         t = np.flatnonzero(~missing) / form.rate_hz
-        notes.append(f"taken as even, {form.rate_hz:g} Hz, as said")
     else:
         t, unit = clock.read_times(table, columns.time, form.time_unit)
         columns = replace(columns, time_unit=unit)
@@ -117,8 +116,10 @@ def _read_signals(
     table = table[chosen]
     signals = np.array([numbers(table, name) for name in needed if name != columns.time])
     if np.ptp(signals[0]) == 0:
-        what = f"{columns.signal} never changes, it is {signals[0, 0]:g} throughout"
-        raise Refusal(f"{what}; is it the right column?")
+        raise Refusal(
+            f"{columns.signal} never changes, it is {signals[0, 0]:g} throughout; "
+            "is it the right column?"
+        )
     signals[0] /= {**PER_TURN, "counts": form.counts_per_turn or 1.0}[columns.unit]
     return *_merged(t[chosen], signals, table.index, notes), columns
 
@@ -131,9 +132,11 @@ def _merged(
     others = ~goes_on[:-1] & (np.diff(signals) != 0).any(axis=0)
     others[0] = False  # loggers may begin with a row that is none
     if others.any():
-        what = f"its time stamp repeats the one before with other values ({others.sum()} such rows)"
-        cure = "drop doubled rows, and export stamps with all their digits"
-        raise Refusal(f"{what}; {cure}", row=rows[1 + others.argmax()])
+        raise Refusal(
+            f"its time stamp repeats the one before with other values ({others.sum()} such rows); "
+            "drop doubled rows, and export stamps with all their digits",
+            row=rows[1 + others.argmax()],
+        )
     if not goes_on.all():
         notes.append(f"merged {np.sum(~goes_on)} rows with the time stamp of the next")
     return t[goes_on], signals[:, goes_on]
@@ -161,7 +164,6 @@ def _evenly_sampled(
         # The torque's mean between samples, as the speed's, is by its integral.
         signals[1:] = CubicSpline(t, signals[1:], axis=1).antiderivative()(t)
         signals, t = np.diff(signals) / np.diff(t), t[1:]
-        notes.append("speed differentiated from the position, between neighbouring samples")
     return _averaged(t, signals, form.ring_hz, notes)
 
 
@@ -172,8 +174,9 @@ def _averaged(
     rate = (t.size - 1) / (t[-1] - t[0])
     good_hz = _GOOD_RATE * ring_hz
     if rate < good_hz:
-        what = f"below {good_hz:.0f} Hz the peaks of a ring of {ring_hz:g} Hz are read too low"
-        notes.append(f"sampled at {rate:.0f} Hz: {what}")
+        notes.append(
+            f"sampled at {rate:.0f} Hz: below {good_hz:.0f} Hz the peaks of a ring of {ring_hz:g} Hz are read too low"
+        )
     if rate <= _FASTEST_HZ:
         return t, signals
     together = int(rate // (_FASTEST_HZ / 2))
@@ -202,8 +205,9 @@ def _unwrapped(t: FloatArray, turns: FloatArray, form: LogFormat, notes: list[st
     best = min(ways, key=lambda way: np.abs(np.abs(np.diff(way) / np.diff(t)) - speed).mean())
     starts = np.rint((best - turns) / modulus)
     if jumps := np.count_nonzero(np.diff(starts)):
-        what = f"the position starts anew every {modulus:g} motor turns"
-        notes.append(f"{what}: unwrapped {jumps} times")
+        notes.append(
+            f"the position starts anew every {modulus:g} motor turns: unwrapped {jumps} times"
+        )
     return turns + modulus * starts
 
 
@@ -227,13 +231,17 @@ def _constant_speed(t: FloatArray, v: FloatArray, form: LogFormat, notes: list[s
     turns = (last - first) * dt / period
     if turns < _LEAST_TURNS - dt / period:
         if smooth.min() < -0.5 * smooth.max() and smooth.max() > -0.5 * smooth.min():
-            what = "the motor moves to and fro; the joint has to turn round in one direction"
-            raise Refusal(f"{what}, {_LEAST_TURNS} turns or more", Reason.NOT_CONSTANT_SPEED)
-        what = f"{max(turns, 0):.1f} load turns of {period:.4g} s at {level:.4g} rps"
-        needed = f"{_LEAST_TURNS} alike are needed, 12 are good (a log of the joint's side needs --gear-ratio 1)"
+            raise Refusal(
+                "the motor moves to and fro; the joint has to turn round in one direction, "
+                f"{_LEAST_TURNS} turns or more",
+                Reason.NOT_CONSTANT_SPEED,
+            )
         is_short = last - first > 0.9 * v.size
-        reason = Reason.TOO_SHORT if is_short else Reason.NOT_CONSTANT_SPEED
-        raise Refusal(f"{what}; {needed}", reason)
+        raise Refusal(
+            f"{max(turns, 0):.1f} load turns of {period:.4g} s at {level:.4g} rps; {_LEAST_TURNS} alike are needed, "
+            "12 are good (a log of the joint's side needs --gear-ratio 1)",
+            Reason.TOO_SHORT if is_short else Reason.NOT_CONSTANT_SPEED,
+        )
     if last - first < v.size:
         notes.append(f"used the constant speed {_from_to(t[first:last])}")
     if turns > _MOST_TURNS:
@@ -274,11 +282,11 @@ def _level(v: FloatArray, expected: float | None) -> float:
         is_near = np.abs(speed / expected - 1) < 2 * _TOLERANCE
         if np.mean(is_near) > 0.1:
             return float(np.median(speed[is_near]))
-    count, edges = np.histogram(speed, 200, (0, speed.max()))
-    count[:10] = 0  # standing still
-    best = int(np.convolve(count, np.ones(3), mode="same").argmax())
-    low, high = edges[best - 1], edges[min(best + 2, 200)]
-    return float(np.median(speed[(speed >= low) & (speed <= high)]))
+    rising = np.sort(speed[speed > 0.05 * speed.max()])  # not standing still
+    alike = np.searchsorted(rising, rising + 0.5 * _TOLERANCE * speed.max())
+    count = alike - np.arange(rising.size)
+    most = count.argmax()
+    return float(np.median(rising[most : alike[most]]))
 
 
 def _longest_run(state: FloatArray) -> tuple[int, int]:
@@ -302,12 +310,13 @@ def _recording(
     if abs(drift) > _MOST_DRIFT * mean:
         what = f"it drifts by {drift:+.3g} rps from {mean:.4g} rps"
         raise Refusal(what, Reason.NOT_CONSTANT_SPEED)
-    if form.turn_period_s is None:
-        ratio = f"gear ratio {form.gear_ratio:g} at {mean:.6g} rps"
-        notes.append(f"a load turn takes {period:.6g} s: {ratio}")
-    elif form.gear_ratio and abs(form.gear_ratio / mean / period - 1) > _TOLERANCE:
-        turn = f"gear ratio {form.gear_ratio:g} at {mean:.5g} rps makes turns of {form.gear_ratio / mean:.4g} s"
-        raise Refusal(f"{turn}, not the {period:g} s given", Reason.WRONG_PERIOD)
+    ratio = form.gear_ratio
+    if form.turn_period_s and ratio and abs(ratio / mean / period - 1) > _TOLERANCE:
+        raise Refusal(
+            f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s, "
+            f"not the {period:g} s given",
+            Reason.WRONG_PERIOD,
+        )
     return Recording(t - t[0], v, form.commanded_speed_rps or mean, period, name)
 
 
@@ -315,12 +324,17 @@ def _check_speed(level: float, form: LogFormat) -> None:
     """Refuse a speed that is not the expected one, or none of a motor."""
     expected = form.expected_speed_rps
     if expected is None and level > _FASTEST_RPS:
-        hint = "is it in rpm, rad/s or deg/s? then give --unit, else --commanded-speed"
-        raise Refusal(f"the speed is {level:.4g} rps, more than motors turn; {hint}")
+        raise Refusal(
+            f"the speed is {level:.4g} rps, more than motors turn; is it in rpm, rad/s or deg/s? "
+            "then give --unit, else --commanded-speed"
+        )
     if expected is not None and abs(level / expected - 1) > _TOLERANCE:
         source = "commanded" if form.commanded_speed_rps else "by gear ratio and turn"
-        what = f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {source}"
-        raise Refusal(f"{what}; is --unit right?", Reason.NOT_CONSTANT_SPEED)
+        raise Refusal(
+            f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {source}; "
+            "is --unit right?",
+            Reason.NOT_CONSTANT_SPEED,
+        )
 
 
 def _refuse_spikes(t: FloatArray, v: FloatArray, form: LogFormat) -> None:
@@ -329,9 +343,11 @@ def _refuse_spikes(t: FloatArray, v: FloatArray, form: LogFormat) -> None:
     away = np.flatnonzero(np.abs(v - usual) > _SPIKE * _level(v, form.expected_speed_rps))
     if 0 < away.size <= 0.01 * v.size:
         k = away[0]
-        what = f"{away.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}"
         cure = "mend or cut the log; of a speed differentiated by uneven stamps log the position"
-        raise Refusal(f"{what}, {t[k]:.6g} s after the first; {cure}")
+        raise Refusal(
+            f"{away.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
+            f"{t[k]:.6g} s after the first; {cure}"
+        )
 
 
 def _refuse_clipping(t: FloatArray, signals: FloatArray) -> None:
@@ -343,6 +359,8 @@ def _refuse_clipping(t: FloatArray, signals: FloatArray) -> None:
             at = signal == limit
             held = np.flatnonzero(at[2:] & at[1:-1] & at[:-2])
             if held.size > 0.005 * signal.size:
-                what = f"the {name} is clipped at {limit:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples"
                 cure = "log it with a wider range, or move slower"
-                raise Refusal(f"{what}, first {t[held[0]]:.6g} s after the first sample; {cure}")
+                raise Refusal(
+                    f"the {name} is clipped at {limit:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples, "
+                    f"first {t[held[0]]:.6g} s after the first sample; {cure}"
+                )

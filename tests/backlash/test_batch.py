@@ -1,6 +1,5 @@
-"""Many logs in one call: tables, workers, journals and trends."""
+"""Many logs: what tables say of each, workers that die, runs that go on, and a trend for each joint."""
 
-import json
 import os
 from pathlib import Path
 from unittest.mock import Mock
@@ -9,64 +8,106 @@ import pandas as pd
 import pytest
 
 import backlash
-from backlash import batch
+from backlash import batch, estimates
 from backlash.estimates import Estimate
-from tests.logs import noisy, table, write
+from backlash.plant import find_logs, keys_of, options_of, read_batch, read_rows
+from tests.logs import file, noisy, write
 
-HOW = {"turn_period_s": 0.4, "method": "waveform"}
+HOW = {"turn_period_s": 0.4}
+CSV = "file,joint,date,turn_period_s,torque,trust_period\na.csv,007,2024-03-17,0.4,3,no\nb.csv,=1+1,,?,,maybe\n"
 
 
 @pytest.fixture
 def plant(tmp_path) -> Path:
     """A table with four dates of two joints; A2 is worn faster."""
-    rows = []
+    rows = ["file,joint,date"]
     for month in range(1, 5):
-        for joint, growth in (("A1", 1e-4), ("A2", 3e-4)):
-            log = write(noisy(4e-4 + month * growth, seed=month), tmp_path / f"{joint}{month}.csv")
-            rows.append((log.name, joint, f"2024-0{month}-15"))
-    path = tmp_path / "plant.csv"
-    pd.DataFrame(rows, columns=["file", "joint", "date"]).to_csv(path, index=False)
-    return path
+        rows += [f"{joint}{month}.csv,{joint},2024-0{month}-15" for joint in ("A1", "A2")]
+    return file(tmp_path, "\n".join(rows), "plant.csv")
 
 
-def test_answers_become_a_trend_for_each_joint(plant):
-    answers = backlash.estimate_many(plant, **HOW)
+@pytest.fixture
+def examine(monkeypatch) -> Mock:
+    """Answers by the joint and month in a log's name, in place of those by its content."""
+
+    def answer(log, settings):
+        joint, month = int(log.stem[1]), int(log.stem[2])
+        delta = 4e-4 + 1e-4 * month * joint**2
+        interval = (delta - 1e-5, delta + 1e-5)
+        joint = {"loss": (0.1, 0.02)}
+        return Estimate(
+            str(log),
+            "backlash",
+            backlash_rad=delta,
+            backlash_interval_rad=interval,
+            joint=joint,
+            notes=("one", "two"),
+        )
+
+    mock = Mock(side_effect=answer)
+    monkeypatch.setattr(estimates, "examine", mock)
+    return mock
+
+
+def test_answers_become_a_trend_for_each_joint(plant, examine):
+    answers = backlash.estimate_many(plant, **HOW, jobs=1)
     assert answers.index.names == ["joint", "date"]
-    assert (answers["verdict"] == "backlash").all()
+    first = answers.iloc[0]
+    assert first["backlash_low_rad"] == pytest.approx(4.9e-4)
+    assert first["total_play_high_rad"] == pytest.approx(1.02e-3)
+    assert (first["loss"], first["loss_sd"]) == (0.1, 0.02)
     trends = backlash.trend_many(answers, limit_rad=1.5e-3)
-    assert list(trends) == ["A1", "A2"]
-    assert trends["A2"].line[1] > 2 * trends["A1"].line[1]
+    assert trends["A2"].line[1] == pytest.approx(4 * trends["A1"].line[1])
     few = backlash.trend_many(answers.iloc[:4])
     assert str(few["A1"]) == "2 dates with an estimate; a trend needs 3 or more"
 
 
-def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(plant):
-    rows = pd.read_csv(plant)[:3].assign(
-        turn_period_s=["0.4", "?", "0.4"], trust_period=["no", "", "maybe"]
-    )
-    rows.to_csv(plant, index=False)
-    answers = backlash.estimate_many(plant, method="waveform")
-    assert (answers["verdict"] == "backlash").tolist() == [True, False, False]
-    assert "turn_period_s is '?', no number" in answers["explanation"].iloc[1]
-    assert "neither yes nor no" in answers["explanation"].iloc[2]
+@pytest.mark.parametrize("kind", ["csv", "semicolons", "utf-16", "parquet"])
+def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
+    path = tmp_path / "plant"
+    if kind == "parquet":
+        pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
+        pd.read_csv(file(tmp_path, CSV), dtype=str).to_parquet(path)
+    else:
+        text = CSV.replace(",", ";") if kind == "semicolons" else CSV
+        path.write_text(text, "utf-16" if kind == "utf-16" else "utf-8")
+    assert keys_of(read_rows(path))["joint"].tolist() == ["007", "'=1+1"]
+    first, second = read_batch(path, {"inertia_ratio": 2.0, "gravity_per_s2": 30.0}).settings
+    assert (first.form.torque, first.form.turn_period_s) == ("3", 0.4)
+    assert first.form.trust_period is False
+    assert "turn_period_s is '?', no number" in str(second)
 
 
-def test_a_column_that_means_nothing_is_refused(plant):
-    pd.read_csv(plant).assign(moment_x="x").to_csv(plant, index=False)
-    with pytest.raises(backlash.Refusal, match="column 'moment_x'"):
-        backlash.estimate_many(plant, **HOW)
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a,b\n1,2\n", "no column 'file'; there are 'a', 'b'"),
+        ("file\n", "no rows"),
+        ("file,moment_x\na.csv,1\n", "column 'moment_x'"),
+    ],
+)
+def test_a_table_that_lists_no_logs_is_refused(text, why, tmp_path):
+    with pytest.raises(backlash.Refusal, match=why):
+        backlash.estimate_many(file(tmp_path, text), **HOW)
 
 
-def test_an_interrupted_run_goes_on_from_its_journal(plant, tmp_path, monkeypatch):
-    logs = batch.read_batch(plant, HOW)
+@pytest.mark.parametrize(
+    ("name", "cell"), [("date", "2024-13-45"), ("trust_period", "maybe"), ("gear_ratio", "1:40")]
+)
+def test_a_cell_is_what_its_column_holds(name, cell):
+    with pytest.raises(backlash.Refusal, match=f"{name} is '{cell}', n"):
+        options_of({name: cell})
+
+
+def test_an_interrupted_run_goes_on_from_its_journal(plant, tmp_path, examine):
+    logs = read_batch(plant, HOW)
     journal = tmp_path / "answers.csv.kept"
     each = batch.run_batch(logs, 1, journal)
     first = dict(next(each) for _ in range(3))
     each.close()
     torn = journal.read_text("utf-8")
     journal.write_text(torn + torn.splitlines()[0][:40], "utf-8")
-    examine = Mock(side_effect=batch.examine)
-    monkeypatch.setattr(batch, "examine", examine)
+    examine.reset_mock()
     answers = dict(batch.run_batch(logs, 1, journal))
     assert sorted(answers) == list(range(8))
     # The third answer is handed over before it is written.
@@ -81,50 +122,27 @@ class Killer:
         return os._exit, (9,)
 
 
-@pytest.mark.slow
-def test_a_worker_that_dies_costs_its_own_log_only(plant):
-    logs = batch.read_batch(plant, HOW)
-    logs = logs._replace(logs=[*logs.logs[:3], Killer(), *logs.logs[4:]])
+def test_two_workers_say_what_one_says_and_one_that_dies_costs_its_own_log_only(tmp_path):
+    names = ["a.csv", "b.csv"]
+    alone = dict(batch.run_batch(read_batch(names, HOW), 1))
+    logs = read_batch([*names, Killer()], HOW)
     answers = dict(batch.run_batch(logs, 2))
-    assert sorted(answers) == list(range(8))
-    assert [number for number in answers if batch.is_unusable(answers[number])] == [3]
+    assert {number: answers[number] for number in alone} == alone
+    assert sorted(answers) == [0, 1, 2]
+    assert "the process that read it died" in answers[2].explanation
 
 
-def test_two_workers_say_what_one_says(plant):
-    one, two = (backlash.estimate_many(plant, jobs=jobs, **HOW) for jobs in (1, 2))
-    pd.testing.assert_frame_equal(one, two)
-
-
-def test_a_defect_of_one_log_stops_no_other(monkeypatch):
-    monkeypatch.setattr(batch, "examine", Mock(side_effect=ZeroDivisionError("of one")))
-    answer = batch.examine_or_refuse("a.csv", None)
-    assert batch.is_unusable(answer)
-    assert "ZeroDivisionError: of one" in answer.explanation
-
-
-def test_intervals_and_quantities_have_two_columns_each():
-    answer = Estimate(
-        "log",
-        "backlash",
-        backlash_rad=1e-3,
-        backlash_interval_rad=(9e-4, 1.1e-3),
-        joint={"loss": (0.1, 0.02)},
-    )
-    row = batch.as_table([answer]).iloc[0]
-    assert (row["backlash_low_rad"], row["total_play_high_rad"]) == (9e-4, 2.2e-3)
-    assert (row["loss"], row["loss_sd"]) == (0.1, 0.02)
+def test_a_defect_of_one_log_stops_no_other(plant, examine):
+    examine.side_effect = ZeroDivisionError("of one")
+    answers = backlash.estimate_many(plant, **HOW, jobs=1)
+    assert len(answers) == 8
+    assert answers["explanation"].str.contains("ZeroDivisionError: of one").all()
 
 
 def test_folders_are_searched_and_an_empty_one_is_refused(tmp_path):
     write(noisy(), tmp_path / "b.csv")
-    (tmp_path / ".hidden.csv").write_text("x")
-    assert batch.find_logs([tmp_path, tmp_path / "b.csv"]) == [tmp_path / "b.csv"]
+    file(tmp_path, "x", ".hidden.csv")
+    assert find_logs([tmp_path, tmp_path / "b.csv"]) == [tmp_path / "b.csv"]
     (tmp_path / "empty").mkdir()
     with pytest.raises(backlash.Refusal, match="no logs in this folder"):
-        batch.find_logs([tmp_path / "empty"])
-
-
-def test_a_table_of_logs_travels_as_one_of_frames():
-    answers = backlash.estimate_many([table(noisy()), table(noisy(1.5e-3))], **HOW)
-    assert answers["backlash_rad"].is_monotonic_increasing
-    assert json.dumps(answers["notes"].tolist())
+        find_logs([tmp_path / "empty"])
