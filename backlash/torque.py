@@ -509,8 +509,8 @@ def _check_movement(
     change = max(by_turn.real.std(), by_turn.imag.std()) / abs(by_turn.mean())
     if change > SETTINGS.most_change:
         raise Refusal(
-            f"the torque's line once a turn changes by {change:.0%} from turn to turn; is it gravity's, or does another "
-            "axis move?",
+            f"the torque's line once a turn changes by {change:.0%} from turn to turn; is it gravity's, or does "
+            "another axis move?",
             Reason.NOT_PERIODIC,
         )
     if turn.friction >= 1:

@@ -122,8 +122,8 @@ def kernel_environment(project: Path) -> dict[str, str]:
 
 
 def count_workers(cores: int, memory: int) -> int:
-    """Processes that each of two notebooks may start at a time, given all cores and the memory [bytes]."""
-    return max(1, min(cores, max(2, cores // 2), memory // (2 * WORKER_BYTES)))
+    """Workers of each of two notebooks at a time, given all cores and the memory [bytes]; a single one is itself."""
+    return max(1, min(cores // 2, memory // (2 * WORKER_BYTES)))
 
 
 def available_memory() -> int:
