@@ -44,6 +44,13 @@ def test_slopes_are_those_of_differences(problem, place):
     assert by == pytest.approx(expected, abs=2e-3 * np.abs(expected).max() + 1e-6)
 
 
+def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
+    made, theta = problem
+    held = torque.hold_delta(made, made.place(theta), 0.8).theta
+    assert held[DELTA] == 0.8
+    assert (np.delete(held, DELTA) != np.delete(theta, DELTA)).all()
+
+
 def gain_by_loss(problem, contact, loss=0.1):
     """What a loss adds to the torque's harmonics."""
     made, theta = problem

@@ -219,6 +219,9 @@ def test_harmonics_up_to_100_hz_and_80_are_compared_but_for_the_motors_orders():
     assert abs(turn.speed.coefficient[0]) == pytest.approx(TURN / 30 * 0.05, rel=1e-3)
     turn = torque.measure_turn(*measured_record(1.0))
     assert set(turn.speed.order[turn.used]) == set(range(1, 81)) - {29, 30, 31, 59, 60, 61}
+    turn = torque.measure_turn(*measured_record(1.0, gear_ratio=10.0))
+    assert not set(turn.speed.order[turn.used]) & {9, 10, 11, 19, 20, 21, 59, 60, 61}
+    assert turn.used.sum() == 80 - 9
     side = torque.measure_turn(*measured_record(0.4, gear_ratio=1.0))
     assert side.used.sum() == 40
     # Twelve are needed.
