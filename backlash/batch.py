@@ -32,9 +32,6 @@ def estimate_many(
 ) -> pd.DataFrame:
     """Estimate the backlashes of many logs, also of different joints.
 
-    Inside `joblib.parallel_config` its backend is used: with "dask" a cluster, whose workers need this package and the
-    logs under the same paths.
-
     Parameters
     ----------
     logs : sequence of logs, DataFrame, or path of a CSV table

@@ -171,7 +171,7 @@ def _add_trend(command: argparse.ArgumentParser) -> None:
 def _add_torque(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("by the torque (recommended)", _TORQUE)
     group.add_argument(
-        "--torque", metavar="COLUMN", help="or current; positive if it drives forward"
+        "--torque", metavar="COLUMN", help="or current, in any unit; positive where it drives"
     )
     _add_numbers(
         group,
