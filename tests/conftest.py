@@ -23,10 +23,8 @@ os.environ["JUPYTER_NO_CONFIG"] = "1"
 settings.register_profile("no clock", deadline=None)
 settings.load_profile("no clock")
 
-# Tests that run side by side leave no core free for processes of their own.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
-
+# Tests run side by side: none starts processes of its own.
+os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 # Nor does one use the network: sockets are blocked here, and these variables hold for processes that a test starts.
 CLOSED = "http://127.0.0.1:9"

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from replication import published
 from replication.joint import (
     K_BL,
     TURN,
@@ -86,7 +87,7 @@ ENCODER = {"encoder_step": TURN / 2**19, "start_angle": np.pi + 0.15}
     "fields",
     [
         {"lead": 0.02, "D_s": 1.0, **FRICTION},
-        {"lead": 0.02, "clamped": True, "delay": 2, **ENCODER},
+        {"lead": 0.0135, "clamped": True, "delay": 2, **ENCODER},
         {"torque_lag": 0.0, "delay": 0, "K_d": 0.3 * JOINT.K_d, "waves": WAVES, **FRICTION},
     ],
     ids=["printed dead zone", "clamped dead zone and encoder", "waves"],
@@ -102,26 +103,27 @@ def test_the_simulated_motion_is_the_one_that_scipy_integrates(fields):
 
 
 def test_the_stiffness_leaks_in_the_middle_of_the_gap():
-    for alpha in (1e4, 1e5, 1e6):
-        leak = 2 * 2e4 / (np.pi * alpha * DELTA)
-        assert K_BL(0.0, DELTA, 2e4, alpha) == pytest.approx(leak, rel=0.01)
-
-
-DAMPED = JOINT._replace(K_s=2e4, D_s=10.0)
+    for alpha in (1e5, 1e6):
+        percent = 100 * K_BL(0.0, DELTA, 1.0, alpha)
+        assert percent == pytest.approx(200 / (np.pi * alpha * DELTA), rel=0.01)
+        assert f"{percent:.2g} %" in published.table("errata")["effect"]["E8"]
 
 
 def test_the_printed_torque_jumps_at_zero_displacement():
-    jump = 2 * 2e4 / (np.pi * 1e6)
-    assert tau_l(1e-12, 0.0, DELTA, 1, DAMPED) == pytest.approx(-jump, rel=1e-3)
-    assert tau_l(-1e-12, 0.0, DELTA, -1, DAMPED) == pytest.approx(jump, rel=1e-3)
+    for alpha in (1e5, 1e6):
+        j = JOINT._replace(alpha=alpha)
+        before, after = (tau_l(side * 1e-12, 0.0, DELTA, side, j) for side in (-1, 1))
+        assert before == pytest.approx(-after) == pytest.approx(2 * j.K_s / np.pi / alpha, rel=1e-3)
+        assert f"{before - after:.2g} N m" in published.table("errata")["effect"]["E9"]
 
 
 def test_the_printed_torque_pulls_when_the_teeth_part_and_the_clamped_one_does_not():
-    assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, DAMPED) < 0
-    clamped = DAMPED._replace(clamped=True)
+    damped = JOINT._replace(D_s=10.0)
+    assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, damped) < 0
+    clamped = damped._replace(clamped=True)
     assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, clamped) == 0
     pushed = tau_l(-2 * DELTA, -0.5, DELTA, -1, clamped)
-    assert pushed == pytest.approx(-2e4 * DELTA - 10 * 0.5)
+    assert pushed == pytest.approx(-JOINT.K_s * DELTA - 10 * 0.5)
 
 
 def test_the_teeth_meet_twice_a_turn_on_alternating_sides():
@@ -161,29 +163,32 @@ def test_the_settled_peak_is_above_the_commanded_speed_and_after_the_first_turn(
     assert settled_peak(run, JOINT) == pytest.approx(3)
 
 
-def limit(name):
-    """Fields and arguments for a factor: up to 1 a step can be integrated, beyond it cannot."""
-    contact = JOINT.K_s * (1 / JOINT.J_l + 1 / (JOINT.N**2 * JOINT.J_m))
-    return {
-        "contact": lambda x: ({"K_s": JOINT.K_s * (5000 * x) ** 2 / contact}, {}),
-        "lag": lambda x: ({"torque_lag": 2e-4 / x}, {}),
-        "wave": lambda x: ({"waves": (Wave(-5000 * x / JOINT.Omega, 0.0),)}, {}),
-        "delta": lambda x: ({}, {"delta": np.pi * x}),
-        # A millionth of a step.
-        "multiple": lambda x: ({}, {"sample": 2e-3 + 1e-10 * x}),
-    }[name]
+def tried(fields, **arguments):
+    """Check a joint with other fields."""
+    values = {"delta": DELTA, "duration": 4.8, "sample": 2e-3, "step": 1e-4}
+    check(JOINT._replace(**fields), **(values | arguments))
 
 
-@pytest.mark.parametrize("name", ["contact", "lag", "wave", "delta", "multiple"])
-def test_what_can_be_integrated_ends_at_its_limit(name):
-    def tried(x):
-        fields, arguments = limit(name)(x)
-        values = {"delta": DELTA, "duration": 4.8, "sample": 2e-3, "step": 1e-4}
-        check(JOINT._replace(**fields), **(values | arguments))
+CONTACT = JOINT.K_s * (
+    1 / JOINT.J_l + 1 / (JOINT.N**2 * JOINT.J_m)
+)  # rad^2/s^2 of the fastest mode
 
-    tried(0.99)
+
+@pytest.mark.parametrize(
+    "at",
+    [
+        lambda x: tried({"K_s": JOINT.K_s * (5000 * x) ** 2 / CONTACT}),
+        lambda x: tried({"torque_lag": 2e-4 / x}),
+        lambda x: tried({"waves": (Wave(-5000 * x / JOINT.Omega, 0.0),)}),
+        lambda x: tried({}, delta=np.pi * x),
+        lambda x: tried({}, sample=2e-3 + 1e-10 * x),  # a millionth of a step
+    ],
+    ids=["contact", "lag", "wave", "delta", "multiple"],
+)
+def test_what_can_be_integrated_ends_at_its_limit(at):
+    at(0.99)
     with pytest.raises(ValueError, match=" must be "):
-        tried(1.01)
+        at(1.01)
 
 
 @pytest.mark.parametrize(
@@ -192,7 +197,6 @@ def test_what_can_be_integrated_ends_at_its_limit(name):
         ({"J_m": -1}, {}, "J_m is .* positive"),
         ({"K_s": np.nan}, {}, "K_s is nan"),
         ({"N": 0}, {}, "N is 0"),
-        ({"G/J_l": 0}, {}, "G/J_l"),
         ({"colour": 2}, {}, "colour.*K_s/J_l"),
         ({"D_s": 2}, {}, "D_s: zero"),
         ({"K_p": 20}, {}, "runs away"),
@@ -200,7 +204,6 @@ def test_what_can_be_integrated_ends_at_its_limit(name):
         ({"w_rate": -1}, {}, "w_rate is .* zero or positive"),
         ({}, {"delta": -1e-9}, "gap"),
         ({}, {"step": 3e-5}, "multiple of the step"),
-        ({}, {"duration": -1}, "duration is -1"),
     ],
 )
 def test_what_cannot_be_simulated_is_named_in_one_line(factors, arguments, words):
@@ -210,8 +213,8 @@ def test_what_cannot_be_simulated_is_named_in_one_line(factors, arguments, words
 
 
 def test_a_stiff_joint_one_without_gravity_and_one_without_backlash_run():
-    assert simulate(change(JOINT, {"K_s": 10}), DELTA).impacts.size >= 24
-    assert np.abs(simulate(change(JOINT, {"G": 0}), DELTA).v - 100).max() < 1e-6
+    assert simulate(change(JOINT, {"K_s": 10}), DELTA, 0.8).impacts.size >= 4
+    assert np.abs(simulate(change(JOINT, {"G": 0}), DELTA, 0.8).v - 100).max() < 1e-6
     tight, loose = (simulate(JOINT, delta, 0.8).v for delta in (0.0, DELTA))
     assert np.ptp(tight) < 0.2 * np.ptp(loose)
 

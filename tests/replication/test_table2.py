@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from joblib import parallel_config
 from scipy import stats
 
 from replication import bench, published, table2
@@ -16,41 +15,36 @@ from replication.signature import Parameters, h, rmse
 TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
 
 
-def make_record(noise_rps: float = 0.0) -> Recording:
+def make_record() -> Recording:
     base = constant_speed()
-    record = replace(base, v=base.v + h(base.t, TRUE))
-    return add_noise(record, noise_rps, np.random.default_rng(1)) if noise_rps else record
+    return add_noise(replace(base, v=base.v + h(base.t, TRUE)), 0.1, np.random.default_rng(1))
 
 
-def test_the_best_of_three_runs_finds_the_signature_in_noise():
-    record = make_record(0.1)
-    fits = [table2.fit(record, table2.LEADER, seed) for seed in (1, 2, 3)]
-    best = min(fits, key=lambda fit: fit.rmse)
-    assert best.rmse <= rmse(record.t, record.v, TRUE)
-    assert best.rmse == pytest.approx(rmse(record.t, record.v, best.X), rel=1e-9)
-    assert best.amplitude_rps == pytest.approx(0.6, rel=0.03)  # A is free within a sample
-    assert best.X.omega == pytest.approx(134, rel=0.01)
-    assert best.X.v_t == pytest.approx(100, abs=0.01)
-
-
-def test_the_best_fit_is_no_worse_than_any_run_and_has_its_window_between_samples():
-    record = make_record(0.1)
+@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.LEADER], ids=lambda each: each.name)
+def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(settings):
+    record = make_record()
     best = table2.best_fit(record)
-    runs = [table2.fit(record, table2.NOTEBOOK, seed).rmse for seed in range(1, 6)]
-    assert best.rmse <= min(runs) * (1 + 1e-9)
-    assert best.rmse == pytest.approx(rmse(record.t, record.v, best.X), rel=1e-9)
-    assert best.amplitude_rps == pytest.approx(0.6, rel=0.01)
-    opening = (best.X.t0 + best.X.T1) / record.sample_s
+    runs = [table2.fit(record, settings, seed) for seed in (1, 2, 3)]
+    run = min(runs, key=lambda fit: fit.rmse)
+    assert best.rmse <= run.rmse * (1 + 1e-9)
+    for fit in (best, run):
+        assert fit.rmse <= rmse(record.t, record.v, TRUE)
+        assert fit.rmse == pytest.approx(rmse(record.t, record.v, fit.X), rel=1e-9)
+        assert fit.amplitude_rps == pytest.approx(0.6, rel=0.03)  # A is free within a sample
+        assert fit.X.omega == pytest.approx(134, rel=0.01)
+        assert fit.X.v_t == pytest.approx(100, abs=0.01)
+    opening = (best.X.t0 + best.X.T1) / record.sample_s  # midway between two samples
     assert opening % 1 == pytest.approx(0.5) or best.X.T1 == 0
 
 
-@pytest.mark.parametrize("seed", [0, 4, 11])
-def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed):
+# Ten runs of CMA-ES end 3, 7 and 0 % above.
+@pytest.mark.parametrize(
+    ("seed", "least_rps"), [(0, 0.07482617), (4, 0.07783660), (11, 0.09993275)]
+)
+def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed, least_rps):
     rng = np.random.default_rng(seed)
     record = bench.encoder_log(bench.draw_bench(rng), 1e-3, rng)
-    best = table2.best_fit(record)
-    runs = [table2.fit(record, table2.NOTEBOOK, run).rmse for run in range(1, 11)]
-    assert best.rmse <= min(runs) * (1 + 1e-9)
+    assert table2.best_fit(record).rmse == pytest.approx(least_rps, rel=1e-5)
 
 
 def test_a_row_made_again_is_the_committed_one():
@@ -66,10 +60,16 @@ def test_a_row_made_again_is_the_committed_one():
 
 def test_the_realisations_that_are_kept_are_forty_of_each_row_and_setting():
     kept = table2.read_realisations()
-    sizes = kept.groupby(["protocol", "row"]).size()
-    assert (sizes[sizes.index.get_level_values("row") <= 10] == 40).all()
-    assert (sizes[sizes.index.get_level_values("row") == 11] == 10).all()
-    assert len(sizes) == 10 * 11
+    sizes = kept.groupby(["row", "protocol"]).size().unstack()
+    assert {*sizes} == {each.name for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
+    assert (sizes.loc[1:10] == 40).all(axis=None)
+    assert (sizes.loc[11] == 10).all()
+    assert [(each.population, each.amplitude_factor) for each in table2.SETTINGS[:3]] == [
+        (300, 1.3),
+        (300, 1.0),
+        (600, 1.0),
+    ]
+    assert {each.amplitude_factor for each in table2.SETTINGS[1:]} == {1.0}
 
 
 def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
@@ -81,33 +81,22 @@ def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
 
     monkeypatch.setattr(table2, "realise", realise)
     path = tmp_path / "table.csv"
-    with parallel_config("sequential"):
-        table2.make_realisations(path, 11)
-        table = pd.read_csv(path)
-        # Row 11 is made ten times.
-        assert len(made) == len(set(made)) == len(table) == 10 * (11 * 10 + 10)
-        table[1:-1].to_csv(path, index=False)
-        made.clear()
-        table2.make_realisations(path, 11)
-    missing = table.iloc[[0, -1]][["protocol", "row", "realisation"]]
-    assert made == list(missing.itertuples(index=False, name=None))
-    assert len(pd.read_csv(path)) == len(table)
+    table2.make_realisations(path, 11)
+    # Row 11 is made ten times.
+    assert len(made) == len({*made}) == 10 * (11 * 10 + 10)
+    pd.read_csv(path)[1:-1].to_csv(path, index=False)
+    table2.make_realisations(path, 11)
+    assert made[1200:] == [made[0], made[1199]]
+    table = pd.read_csv(path)
+    assert len(table) == 1200
     # Where a row has fewer, so many of each are read.
-    table.drop(index=table.index[(table["row"] == 3)][-1]).to_csv(path, index=False)
+    table[(table["row"] != 3) | (table["realisation"] < 11)].to_csv(path, index=False)
     assert table2.read_realisations(path)["realisation"].max() == 10
 
 
 def test_a_constant_record_has_no_best_fit():
     with pytest.raises(ValueError, match="constant speed: constant"):
         table2.best_fit(constant_speed())
-
-
-def test_eight_settings_differ_and_the_drawn_starts_are_two_of_them():
-    assert len({each.name for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}) == 10
-    assert table2.LEADER.name == "rpm, population 600"
-    assert [replace(each, drawn_start=False, name="") for each in table2.DRAWN_STARTS] == [
-        replace(each, name="") for each in (table2.NOTEBOOK, table2.LEADER)
-    ]
 
 
 def test_a_basin_begins_where_misfits_jump_by_more_than_the_gap():
@@ -124,33 +113,26 @@ def test_runs_are_summarised_by_their_amplitudes_and_noise_keeps_its_sign():
             "rmse_rps": [0.1, 0.1, 0.3, 0.1, 0.1],
         }
     )
-    table = table2.summarise_runs(runs, ["record"]).set_index("record")
-    assert table.loc["a", "mean_A_rps"] == pytest.approx(1.1)
-    assert table.loc["a", "sd_A_rps"] == pytest.approx(np.std([0.9, 1.0, 1.4], ddof=1))
-    assert table.loc["a", "relative_error_percent"] == pytest.approx(10)
-    assert table.loc["a", "best_A_rps"] == pytest.approx(0.95)
-    assert table.loc["a", "best_basin_runs"] == 2
-    assert table.loc["noise", "mean_A_rps"] == pytest.approx(0)
+    with_backlash, noise = table2.summarise_runs(runs, ["record"]).to_dict("records")
+    expected = {"mean_A_rps": 1.1, "relative_error_percent": 10, "best_A_rps": 0.95}
+    expected |= {"sd_A_rps": np.std([0.9, 1.0, 1.4], ddof=1), "best_basin_runs": 2}
+    assert {name: with_backlash[name] for name in expected} == pytest.approx(expected)
+    assert noise["mean_A_rps"] == pytest.approx(0)
 
 
-def test_no_two_settings_share_a_noise_and_a_realisation_is_the_same_twice(monkeypatch):
+def test_a_setting_has_its_own_noise_and_seeds_the_same_twice_and_may_drop_a_hundred_samples(
+    monkeypatch,
+):
     monkeypatch.setattr(table2, "load_clean", lambda level: constant_speed())
-    v, seeds = [], []
-    for settings in (*table2.SETTINGS, table2.SETTINGS[0]):
-        record, of_runs = table2.noisy_record(settings, 5, 3)
-        v.append(record.v)
-        seeds.append(of_runs)
-    assert len({tuple(each) for each in seeds}) == 8
-    assert len({each[0] for each in v}) == 8
-    np.testing.assert_array_equal(v[0], v[-1])
-    assert np.abs(v[0] - 100).max() == pytest.approx(0.1394, rel=0.01)  # printed noise of row 5
-
-
-def test_a_drawn_start_drops_up_to_a_hundred_samples(monkeypatch):
-    monkeypatch.setattr(table2, "load_clean", lambda level: constant_speed())
-    sizes = [
-        table2.noisy_record(table2.DRAWN_STARTS[0], 5, number)[0].v.size for number in range(1, 40)
-    ]
+    drawn = [table2.noisy_record(each, 5, 3) for each in (*table2.SETTINGS, table2.SETTINGS[0])]
+    np.testing.assert_array_equal(drawn[0][0].v, drawn[-1][0].v)
+    assert len({tuple(seeds) for _, seeds in drawn}) == 8
+    assert len({record.v[0] for record, _ in drawn}) == 8
+    # The printed noise of row 5.
+    assert np.abs(drawn[0][0].v - 100).max() == pytest.approx(0.1394, rel=0.01)
+    notebook, leader = table2.DRAWN_STARTS
+    assert (notebook.population, leader.population, leader.rpm) == (300, 600, True)
+    sizes = [table2.noisy_record(leader, 5, number)[0].v.size for number in range(1, 40)]
     assert min(sizes) < 2401 - 70
     assert 2401 - 100 < max(sizes) <= 2401
     assert len(set(sizes)) > 20
