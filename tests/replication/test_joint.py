@@ -133,6 +133,9 @@ def test_the_teeth_meet_twice_a_turn_on_alternating_sides():
     assert (np.diff(sides) != 0).all()
     twist = run.theta_m / JOINT.N - run.theta_l
     np.testing.assert_array_equal(run.gap, np.where(np.abs(twist) < DELTA, 0, np.sign(twist)))
+    for start_angle, side in ((0.1, 1), (-0.1, -1)):
+        start = simulate(JOINT._replace(lead=0.0, start_angle=start_angle), DELTA, 0.01)
+        assert start.gap[0] == side
 
 
 def test_only_ratios_show_in_the_motor_speed():
