@@ -66,7 +66,7 @@ def test_friction_on_the_load_takes_amplitude_away_and_the_turns_used_begin_with
     rubbing = (JOINT._replace(load_coulomb=share * JOINT.G) for share in (0.0, 0.05))
     logs = bench.fit_logs([(bench.Bench(each, 0.0), DELTA) for each in rubbing], 1)
     assert logs["A_rps"][1] < 0.8 * logs["A_rps"][0]
-    assert logs["turns_used"].between(11.4, 12).all()
+    np.testing.assert_allclose(logs["turns_used"], [11.975, 11.79], atol=0.02)
 
 
 def run_of(records, settings, seeds):
