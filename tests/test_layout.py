@@ -1,7 +1,6 @@
 """Imports go one way: among the packages, and the paper's files in the order of reading."""
 
 import ast
-import builtins
 from pathlib import Path
 
 import pytest
@@ -57,19 +56,3 @@ def test_a_file_of_the_paper_imports_only_those_before_it(imports):
     for position, name in enumerate(READ_IN_ORDER):
         names = {each.split(".")[1] for each in imports[f"replication.{name}"]}
         assert not names & {*READ_IN_ORDER[position:]} - {name}, name
-
-
-def test_compiled_code_takes_only_njit_from_other_files():
-    """Numba compiles a file's functions again when that file has changed, not when another has."""
-    for package in MAY_IMPORT:
-        for file in (ROOT / package).rglob("*.py"):
-            tree = ast.parse(file.read_text("utf-8"))
-            foreign = {name.rpartition(".")[2] for name in imported(file)} - {"njit"}
-            foreign -= set(dir(builtins))
-            for node in tree.body:
-                if isinstance(node, ast.FunctionDef) and any(
-                    "njit" in ast.unparse(decorator) for decorator in node.decorator_list
-                ):
-                    body = [part for statement in node.body for part in ast.walk(statement)]
-                    used = {part.id for part in body if isinstance(part, ast.Name)}
-                    assert not used & foreign, f"{file.name}: {node.name}"

@@ -44,7 +44,7 @@ def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(
 def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed, least_rps):
     rng = np.random.default_rng(seed)
     record = bench.encoder_log(bench.draw_bench(rng), 1e-3, rng)
-    assert table2.best_fit(record).rmse == pytest.approx(least_rps, rel=1e-5)
+    assert table2.best_fit(record).rmse == pytest.approx(least_rps, rel=1e-4)
 
 
 def test_a_row_made_again_is_the_committed_one():
