@@ -178,7 +178,6 @@ def test_the_map_into_the_box_is_inverted_for_its_points():
         ({"population": 3}, "population 3"),
         ({"seed": 0}, "seed 0"),
         ({"box": Box(np.ones(7), np.ones(7))}, "box is empty"),
-        ({"box": Box(np.zeros(7), np.full(7, np.inf))}, "box is empty"),
         ({"misfits": lambda X: np.full(len(X), np.nan)}, "one finite misfit"),
         ({"misfits": lambda X: np.ones(3)}, "one finite misfit"),
     ],

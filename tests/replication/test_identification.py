@@ -24,24 +24,19 @@ JOINT = identified_joint()
 DELTA = 17e-4
 
 
-def settled_nrmse(joint, records):
-    """Of each record, over its turns from the second on."""
-    squares = []
-    for delta, record in records.items():
-        off = simulate(joint, delta, step=5e-5).v - record.v
-        squares.append(np.mean(off[200:] ** 2) / record.v[200:].var())
-    return np.sqrt(squares)
+def nrmse(joint, records):
+    """Of each record, in its third turn."""
+    return np.array([np.sqrt(np.mean(e**2)) for e in errors_in_turn(joint, records, 3)])
 
 
 def test_the_identified_joint_repeats_every_public_record(authors_data):
     records = load_clean_records(CLEAN_LEVELS)
-    assert len(records) == 11
-    assert settled_nrmse(JOINT, records).max() <= 0.016
-    one = dict([*records.items()][4:5])
+    assert nrmse(JOINT, records).shape == (11,)
+    assert nrmse(JOINT, records).max() <= 0.016
     # A twentieth of a ratio is seen, and so is a drive without the leaky integral or the delay.
     for factors in ({"K_s/J_l": 1.05}, {"G/J_l": 0.95}, {"K_w/J_m": 0}, {"K_d/J_m": 0.8}):
-        assert settled_nrmse(change(JOINT, factors), one) > 0.016
-    assert settled_nrmse(JOINT._replace(delay=0), one) > 0.016
+        assert nrmse(change(JOINT, factors), records).min() > 0.016
+    assert nrmse(JOINT._replace(delay=0), records).min() > 0.016
     leads = JOINT.lead + JOINT.period * np.array([-1, 0, 1])
     assert identify_lead(records, JOINT, leads) == JOINT.lead
 

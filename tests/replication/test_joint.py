@@ -8,14 +8,12 @@ from replication import published
 from replication.joint import (
     K_BL,
     TURN,
-    Run,
     Wave,
     change,
     check,
     from_ratios,
     identified_joint,
     ratios,
-    settled_peak,
     simulate,
     tau_l,
 )
@@ -138,15 +136,6 @@ def test_the_teeth_meet_twice_a_turn_on_alternating_sides():
         assert start.gap[0] == side
 
 
-def test_only_ratios_show_in_the_motor_speed():
-    names = ("J_m", "J_l", "G", "K_s", "K_p", "K_i", "K_d", "K_w")
-    heavy = JOINT._replace(**{name: 10 * getattr(JOINT, name) for name in names})
-    assert ratios(heavy) == pytest.approx(ratios(JOINT), rel=1e-12)
-    np.testing.assert_allclose(
-        simulate(heavy, DELTA, 0.8).v, simulate(JOINT, DELTA, 0.8).v, atol=1e-7
-    )
-
-
 def test_the_load_is_a_point_of_5_kg():
     values = ratios(JOINT) | {"J_l/(N^2 J_m)": 3.0, "lead": 0.1}
     joint = from_ratios(values, 50.0)
@@ -157,13 +146,6 @@ def test_the_load_is_a_point_of_5_kg():
     # What the ratios do not tell: equation 8's edge [1/rad], the drive's period [s] and its delay, 100 turns a second.
     assert (joint.alpha, joint.period, joint.delay) == (1e6, 5e-4, 1)
     assert joint.turn_period == pytest.approx(0.5)
-
-
-def test_the_settled_peak_is_above_the_commanded_speed_and_after_the_first_turn():
-    t = np.array([0.0, 0.399, 0.4, 0.6])
-    v = np.array([120, 110, 103, 102.0])
-    run = Run(t, *np.zeros((5, 4)), np.zeros(4))._replace(omega_m=TURN * v)
-    assert settled_peak(run, JOINT) == pytest.approx(3)
 
 
 def tried(fields, **arguments):
@@ -215,8 +197,7 @@ def test_what_cannot_be_simulated_is_named_in_one_line(factors, arguments, words
     assert "\n" not in str(refusal.value)
 
 
-def test_a_stiff_joint_one_without_gravity_and_one_without_backlash_run():
-    assert simulate(change(JOINT, {"K_s": 10}), DELTA, 0.8).impacts.size >= 4
+def test_a_joint_without_gravity_keeps_its_speed_and_one_without_backlash_is_quieter():
     assert np.abs(simulate(change(JOINT, {"G": 0}), DELTA, 0.8).v - 100).max() < 1e-6
     tight, loose = (simulate(JOINT, delta, 0.8).v for delta in (0.0, DELTA))
     assert np.ptp(tight) < 0.2 * np.ptp(loose)

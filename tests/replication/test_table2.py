@@ -146,18 +146,18 @@ def test_the_prediction_interval_is_of_order_statistics(size, k):
     assert table2.prediction_interval(range(38)) == (-np.inf, np.inf)
 
 
-def make_runs(errors_percent, share=1.0):
+def make_runs(errors_percent):
     """Twenty runs on each record, whose mean |A| errs as given."""
-    theoretical = table2.theoretical_amplitudes()
-    scatter = 0.05 * np.linspace(-1, 1, 20)
-    rows = [
-        {"realisation": 1, "row": row, "A_rps": -A * (1 + error / 100 + off), "rmse_rps": rmse}
-        for row, (A, error) in enumerate(
-            zip(theoretical.values(), np.broadcast_to(errors_percent, 10), strict=True), start=1
-        )
-        for off, rmse in zip(scatter, np.where(np.arange(20) < 20 * share, 0.1, 0.2), strict=True)
+    theoretical = table2.theoretical_amplitudes().values()
+    errors = np.broadcast_to(errors_percent, 10)
+    runs = [
+        {"row": row, "A_rps": -A * (1 + error / 100 + off)}
+        for row, (A, error) in enumerate(zip(theoretical, errors, strict=True), start=1)
+        for off in 0.05 * np.linspace(-1, 1, 20)
     ]
-    return pd.DataFrame(rows).assign(delta_rad=0.0, noise_amplitude_rps=0.1)
+    return pd.DataFrame(runs).assign(
+        realisation=1, rmse_rps=0.1, delta_rad=0.0, noise_amplitude_rps=0.1
+    )
 
 
 def test_table_2_is_made_of_ten_rows_for_each_realisation(monkeypatch):
@@ -185,17 +185,8 @@ def test_an_error_below_ten_per_cent_is_decided_by_the_largest(error, holds):
     assert [low, high] == pytest.approx([abs(error) - half, abs(error) + half], abs=0.15)
 
 
-@pytest.mark.parametrize(("share", "holds"), [(0.9, True), (0.2, False)])
-def test_local_minima_are_avoided_if_most_runs_end_in_the_best_basin(monkeypatch, share, holds):
-    table = table2.table2(make_runs(0.0, share))
-    table["best_basin_runs"] += np.arange(10) % 2
-    assert table2.decide_local_minima(table)[0] is holds
-    shares = share + 0.05 * (np.arange(10) % 2)
-    half = stats.t(9).ppf(0.975) * shares.std(ddof=1) / np.sqrt(10)
-    ends = shares.mean() + np.array([-half, half])
-    monkeypatch.setattr(published, "decide", lambda claim, measured, _: measured)
-    measured, words = table2.decide_local_minima(table)
-    assert measured == pytest.approx(ends, rel=1e-12)
-    assert f"({100 * ends[0]:.0f} to {100 * ends[1]:.0f} %)" in words
-    assert f"{20 * shares.sum():.0f} of 200 runs on 10 noisy records" in words
-    assert f"basin, {100 * shares.mean():.0f} %" in words
+def test_most_runs_of_the_kept_table_avoid_local_minima_and_few_would_not():
+    table = pd.read_csv(table2.ROOT / "results" / "table2.csv")
+    words = "1263 of 1500 runs on 50 noisy records end in the best basin, 84 % (82 to 87 %)"
+    assert table2.decide_local_minima(table) == (True, words)
+    assert not table2.decide_local_minima(table.assign(runs=90))[0]

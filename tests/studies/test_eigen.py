@@ -28,9 +28,3 @@ def test_values_and_vectors_make_the_matrix_up_again(n, decades):
 @pytest.mark.parametrize(("matrix", "signs"), SIGNS_BEFORE_LAPACK_3_10)
 def test_the_signs_are_those_of_lapack_before_3_10(matrix, signs):
     np.testing.assert_array_equal(np.sign(symmetric_eigen(np.array(matrix, dtype=float))[1]), signs)
-
-
-def test_a_diagonal_matrix_keeps_its_axes():
-    values, vectors = symmetric_eigen(np.diag([3.0, 1.0, 2.0]))
-    np.testing.assert_array_equal(values, [1, 2, 3])
-    np.testing.assert_array_equal(vectors, np.eye(3)[:, [1, 2, 0]])

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-import workbook
 from replication import published, table2
 from workbook import judging
 from workbook.outcomes import RESULTS, cell_rows, load_outcomes
@@ -89,19 +88,6 @@ def test_a_number_that_is_missing_is_not_tested(tmp_path):
     table = judging.verdicts(tmp_path).set_index("id")
     assert list(table.index) == list(CELLS.index)
     assert set(table.drop(DERIVED_CELLS)["agreement"]) == {"not tested"}
-
-
-def test_a_claim_that_no_notebook_decides_is_undecided_and_says_why(tmp_path):
-    claims = judging.claims(tmp_path).set_index("id")
-    assert claims.loc["full_robot", "verdict"] == "undecided"
-    assert "never published" in claims.loc["full_robot", "measured"]
-
-
-def test_on_our_own_records_the_source_is_our_joint(monkeypatch):
-    monkeypatch.setattr(workbook.outcomes, "records_are_simulated", lambda: True)
-    sources = {workbook.outcomes.source_of(cell) for cell in ("table2.row05.mean", "text.runs")}
-    assert sources == {"simulated joint"}
-    assert workbook.outcomes.source_of("text.load") == "taken over"
 
 
 # ------------------------------------------------------------------- every number can end its agreement

@@ -35,12 +35,6 @@ def test_a_run_that_makes_the_committed_numbers_shows_its_own_as_such(committed,
     assert table["committed"][CELL] != table["ours"][CELL]
 
 
-@pytest.mark.parametrize(("holds", "said"), [(True, "holds"), (None, "undecided")])
-def test_a_claim_is_shown_with_what_was_measured(holds, said):
-    row = workbook.judge(claims={"monotone": (holds, "a slope of 1")}).loc["monotone"]
-    assert (row["ours"], row["verdict"]) == ("a slope of 1", said)
-
-
 def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
     monkeypatch.setattr(outcomes, "OUTPUT_FOLDER", str(tmp_path))
     monkeypatch.setenv("REPLICATION_NOTEBOOK", "small")
