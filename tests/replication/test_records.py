@@ -140,11 +140,11 @@ def test_the_authors_records_are_twelve_turns_the_clean_ones_of_five_significant
     authors_data,
 ):
     clean = [load_clean(level) for level in range(3, 14)]
-    noisy = [load_noisy(level, R) for R in LOW_NOISE for level in (1, 2, 11)]
+    noisy = [load_noisy(level, R) for R in LOW_NOISE for level in (1, 11)]
     for record in clean + noisy:
         np.testing.assert_allclose(record.t, 0.002 * np.arange(2401), atol=1e-9)
     for record in clean:
         five_digits = np.where(record.v < 100, record.v.round(3), record.v.round(2))
         np.testing.assert_array_equal(record.v, five_digits)
-    assert len({record.v.tobytes() for record in noisy}) == 15
+    assert len({record.v.tobytes() for record in noisy}) == 10
     assert noisy[0].v.std() > 1.2 * 0.1 / np.sqrt(3)  # level 1 is not free of backlash
