@@ -3,7 +3,6 @@ import os
 import pytest
 from hypothesis import settings
 
-from replication import published
 from replication.records import AUTHORS_FILES, authors_file, load_clean
 
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
@@ -54,19 +53,6 @@ PORTABLE = (
     "tests/backlash/test_turns.py::test_harmonics",
     "tests/backlash/test_turns.py::test_the_period",
 )
-
-
-@pytest.fixture
-def replace_table(monkeypatch):
-    """Give a data file other rows."""
-    kept = published.table
-
-    def give(name, table):
-        monkeypatch.setattr(
-            published, "table", lambda asked: table.copy() if asked == name else kept(asked)
-        )
-
-    return give
 
 
 def pytest_collection_modifyitems(items):

@@ -7,21 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.logs import noisy, write
+from tests.logs import command, noisy, write
 from workbook.__main__ import main as workbook_command
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
-def estimate(*arguments, **variables) -> subprocess.CompletedProcess:
-    """Run the sensor in the project with other environment variables."""
-    return subprocess.run(
-        [sys.executable, "-m", "backlash", "estimate", *map(str, arguments)],
-        cwd=ROOT,
-        env=os.environ | {name: str(value) for name, value in variables.items()},
-        capture_output=True,
-        check=False,
-    )
 
 
 def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
@@ -59,21 +48,27 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     settings = tmp_path / "matplotlibrc"
     settings.write_text("text.usetex: True\nfont.family: serif\naxes.grid: True\n")
     hostile = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), "/dev/null/x")
-    hostile |= {"MPLBACKEND": "nonsense", "MATPLOTLIBRC": settings}
+    hostile |= {"MPLBACKEND": "nonsense", "MATPLOTLIBRC": str(settings)}
     hostile |= {"PYTHONIOENCODING": "ascii", "LC_ALL": "C"}
     pictures = []
     for variables in ({}, hostile):
         picture = tmp_path / f"{len(pictures)}.svg"
-        options = ("--turn-period", 0.4, "--method", "amplitude", "--plot", picture)
-        ended = estimate(log, *options, **variables)
-        assert ended.returncode == 0, ended.stderr
+        options = ["--turn-period", "0.4", "--method", "amplitude", "--plot", picture]
+        ended = subprocess.run(
+            [sys.executable, "-m", "backlash", "estimate", log, *options],
+            cwd=ROOT,
+            env=os.environ | variables,
+            capture_output=True,
+            check=True,
+        )
         pictures.append(picture.read_bytes())
     assert ended.stdout.isascii()
     assert pictures[0] == pictures[1]
 
 
-def test_an_empty_name_is_no_folder_of_logs():
-    ended = estimate("")
-    assert ended.returncode == 2
-    assert ended.stderr.count(b"\n") == 1
-    assert b"empty name" in ended.stderr
+def test_an_empty_name_is_no_folder_of_logs(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        command("estimate ''")
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert "empty name" in line
