@@ -99,8 +99,9 @@ def test_a_local_copy_is_verified(local):
 @pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, lambda path: None])
 def test_what_is_no_file_in_the_folder_is_named_with_its_variable(local, make):
     make(local)
-    with pytest.raises(DataCorrupt, match=r"x\.zip: .* SOME_DATA\b"):
+    with pytest.raises(DataCorrupt, match=r"x\.zip: .* SOME_DATA\b") as refused:
         find()
+    assert refused.value.exit_status == 2
 
 
 def test_without_network_and_copy_the_file_and_the_way_out_are_named(monkeypatch, tmp_path):
