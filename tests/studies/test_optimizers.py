@@ -7,7 +7,7 @@ from replication.records import Recording
 from replication.signature import h, rmse
 from studies import claims, optimizers
 
-T = 0.002 * np.arange(2401)
+T = 0.002 * np.arange(801)
 X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0113])
 
 
