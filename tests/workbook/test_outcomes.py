@@ -7,7 +7,7 @@ import pytest
 
 import workbook
 from replication.records import UserError
-from workbook import judging, outcomes
+from workbook import outcomes
 from workbook.outcomes import RESULTS
 
 CELL = "equation10.A2"
@@ -24,15 +24,6 @@ def test_by_hand_a_changed_number_stands_beside_the_committed_one_and_loses_its_
     assert float(table["committed"][CELL]) == pytest.approx(committed, rel=1e-4)
     assert table["verdict"][CELL] == "differs"
     assert workbook.judge({CELL: committed})["verdict"][CELL] == "agrees"
-
-
-def test_a_run_that_makes_the_committed_numbers_shows_its_own_as_such(committed, monkeypatch):
-    monkeypatch.setattr(judging, "OUTPUT_FOLDER", "somewhere")
-    table = workbook.judge({CELL: 1.3 * committed})
-    assert table["committed"][CELL] == table["ours"][CELL]
-    monkeypatch.setenv("BACKLASH_RECORDS", "simulated")  # which makes nothing that is committed
-    table = workbook.judge({CELL: 1.3 * committed})
-    assert table["committed"][CELL] != table["ours"][CELL]
 
 
 def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
