@@ -3,7 +3,6 @@ import os
 import pytest
 from hypothesis import settings
 
-from replication import published
 from replication.records import AUTHORS_FILES, authors_file, load_clean
 
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
@@ -23,10 +22,8 @@ os.environ["JUPYTER_NO_CONFIG"] = "1"
 settings.register_profile("no clock", deadline=None)
 settings.load_profile("no clock")
 
-# Tests that run side by side leave no core free for processes of their own.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
-
+# Tests run side by side: none starts processes of its own.
+os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
 
 # Nor does one use the network: sockets are blocked here, and these variables hold for processes that a test starts.
 CLOSED = "http://127.0.0.1:9"
@@ -41,7 +38,8 @@ PORTABLE = (
     "tests/replication/test_cmaes.py::test_equations_13_to_17",
     "tests/replication/test_cmaes.py::test_the_first_generation",
     "tests/replication/test_cmaes.py::test_the_search_finds",
-    "tests/replication/test_table2.py::test_the_best",
+    "tests/replication/test_table2.py::test_a_fit_finds",
+    "tests/replication/test_table2.py::test_the_best_fit",
     "tests/replication/test_table2.py::test_a_row_made_again",
     "tests/replication/test_characteristic.py::test_the_amplitude",
     "tests/replication/test_joint.py::test_the_simulated_motion",
@@ -55,19 +53,6 @@ PORTABLE = (
     "tests/backlash/test_turns.py::test_harmonics",
     "tests/backlash/test_turns.py::test_the_period",
 )
-
-
-@pytest.fixture
-def replace_table(monkeypatch):
-    """Give a data file other rows."""
-    kept = published.table
-
-    def give(name, table):
-        monkeypatch.setattr(
-            published, "table", lambda asked: table.copy() if asked == name else kept(asked)
-        )
-
-    return give
 
 
 def pytest_collection_modifyitems(items):

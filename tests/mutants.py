@@ -3,8 +3,8 @@
     .venv/bin/python -m tests.mutants --seed 1 --count 100
 
 Each mutant has one operator, comparison, index or constant changed, in a copy of the project. It is killed if the tests
-of its module fail, else those that import it, else the others of its package. Survivors are listed; the exit status is
-1 if more than a tenth survive.
+of its module fail, else the others of its package. Survivors are listed; the exit status is 1 if more than a tenth
+survive.
 
 Survivors of these kinds are no holes, because they change nothing that is computed, or only how fast:
 
@@ -19,100 +19,49 @@ Survivors of these kinds are no holes, because they change nothing that is compu
 import argparse
 import ast
 import importlib
-import json
+import io
 import os
-import re
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
+from contextlib import redirect_stdout
 from multiprocessing import get_context
 from pathlib import Path
 from random import Random
-from typing import NamedTuple
+from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 # What computes; figures.py draws, published.py reads tables.
-EQUATIONS = (
-    "replication/*.py",
-    "backlash/driven_load.py",
-    "backlash/turns.py",
-    "backlash/torque.py",
-)
-LEFT_OUT = ("replication/figures.py", "replication/published.py", "replication/__init__.py")
-NOT_COPIED = shutil.ignore_patterns(
-    ".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", ".make"
-)
-OPERATORS = {
-    ast.Add: ("+", "-"),
-    ast.Sub: ("-", "+"),
-    ast.Mult: ("*", "/"),
-    ast.Div: ("/", "*"),
-    ast.Pow: ("**", "*"),
-    ast.Lt: ("<", ">"),
-    ast.Gt: (">", "<"),
-    ast.LtE: ("<=", "<"),
-    ast.GtE: (">=", ">"),
-    ast.Eq: ("==", "!="),
-    ast.NotEq: ("!=", "=="),
+EQUATIONS = ("replication/*.py", *(f"backlash/{n}.py" for n in ("driven_load", "turns", "torque")))
+LEFT_OUT = ("figures.py", "published.py", "__init__.py")
+NOT_COPIED = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".make")
+CHANGED: dict[type, type] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.Lt: ast.Gt,
+    ast.Gt: ast.Lt,
+    ast.LtE: ast.Lt,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
 }
-# In the copy: how long each test takes, and what numba has compiled.
-TIMES, COMPILED = "times.json", "compiled"
-
-
-class Mutant(NamedTuple):
-    """Where a file differs, and how."""
-
-    file: str
-    line: int
-    start: int
-    end: int
-    before: str
-    after: str
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.before} -> {self.after}"
-
-
-def list_mutants(file: str) -> Iterator[Mutant]:
-    """Yield every mutant of a file, in the order of the source."""
-    source = (ROOT / file).read_bytes()
-    offsets = [0]
-    for line in source.splitlines(keepends=True):
-        offsets.append(offsets[-1] + len(line))
-
-    def place(line: int, column: int) -> int:
-        return offsets[line - 1] + column
-
-    def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> Mutant | None:
-        if type(operator) not in OPERATORS:
-            return None
-        before, after = OPERATORS[type(operator)]
-        start = place(left.end_lineno or 0, left.end_col_offset or 0)
-        start = source.index(before.encode(), start, place(right.lineno, right.col_offset))
-        return Mutant(file, left.end_lineno or 0, start, start + len(before), before, after)
-
-    for node in computing_nodes(ast.parse(source)):
-        if isinstance(node, ast.BinOp):
-            if mutant := between(node.left, node.right, node.op):
-                yield mutant
-        elif isinstance(node, ast.Compare):
-            terms = [node.left, *node.comparators]
-            for left, right, operator in zip(terms, terms[1:], node.ops, strict=False):
-                if mutant := between(left, right, operator):
-                    yield mutant
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            start = place(node.lineno, node.col_offset)
-            yield Mutant(file, node.lineno, start, start + 1, "-", "+")
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            start = place(node.lineno, node.col_offset)
-            end = place(node.end_lineno or 0, node.end_col_offset or 0)
-            value = node.value
-            after = repr(value + 1 if isinstance(value, int) else 1.25 * value)
-            if after != repr(node.value):  # 0.0
-                yield Mutant(file, node.lineno, start, end, source[start:end].decode(), after)
+# Preloaded, for each run of the tests is a fork of this process.
+LIBRARIES = (
+    "cma",
+    "hypothesis",
+    "numba",
+    "pandas",
+    "scipy.optimize",
+    "scipy.signal",
+    "scipy.stats",
+)
 
 
 def computing_nodes(node: ast.AST) -> Iterator[ast.AST]:
@@ -126,104 +75,76 @@ def computing_nodes(node: ast.AST) -> Iterator[ast.AST]:
                 yield from computing_nodes(child)
 
 
-def drawn_mutants(seed: int, count: int, patterns: tuple[str, ...]) -> list[Mutant]:
-    """Draw mutants from all files that compute; each is as likely as any other."""
-    files = sorted(path.relative_to(ROOT).as_posix() for p in patterns for path in ROOT.glob(p))
-    mutants = [mutant for file in files if file not in LEFT_OUT for mutant in list_mutants(file)]
+def changes(tree: ast.Module) -> Iterator[tuple[Any, str, Any]]:
+    """Yield a node, the name of its field and another value of it, for every mutant."""
+    for node in computing_nodes(tree):
+        if isinstance(node, ast.BinOp) and type(node.op) in CHANGED:
+            yield node, "op", CHANGED[type(node.op)]()
+        elif isinstance(node, ast.Compare):
+            for k, operator in enumerate(node.ops):
+                if type(operator) in CHANGED:
+                    other = CHANGED[type(operator)]()
+                    yield node, "ops", [*node.ops[:k], other, *node.ops[k + 1 :]]
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+            yield node, "op", ast.UAdd()
+        elif isinstance(node, ast.Constant) and type(node.value) is int:
+            yield node, "value", node.value + 1
+        elif isinstance(node, ast.Constant) and type(node.value) is float and node.value:
+            yield node, "value", 1.25 * node.value
+
+
+def draw_mutants(seed: int, count: int, patterns: list[str]) -> list[tuple[Path, str, str]]:
+    """Draw mutants, each as likely as any other: a file, what is changed, and the changed source."""
+    files = sorted(path for pattern in patterns for path in ROOT.glob(pattern))
+    mutants = []
+    for file in files:
+        tree = ast.parse(file.read_bytes())
+        for node, field, value in changes(tree) if file.name not in LEFT_OUT else ():
+            before, old = ast.unparse(node), getattr(node, field)
+            setattr(node, field, value)
+            name = file.relative_to(ROOT)
+            what = f"{name}:{node.lineno}: {before} -> {ast.unparse(node)}"
+            mutants.append((name, what, ast.unparse(tree)))
+            setattr(node, field, old)
     return Random(seed).sample(mutants, min(count, len(mutants)))
 
 
-def seconds_by_file(copy: Path) -> dict[str, float]:
-    """How long each file's tests took without a mutant."""
-    seconds: dict[str, float] = {}
-    for test, duration in json.loads((copy / TIMES).read_text()).items():
-        path = test.partition("::")[0]
-        seconds[path] = seconds.get(path, 0.0) + duration
-    return seconds
-
-
-def test_stages(file: str, copy: Path) -> list[list[str]]:
-    """Files of a package's tests in three stages: named after it, that import it, the rest; fastest first."""
-    package, name = Path(file).parts[0], Path(file).stem
-    seconds = seconds_by_file(copy)
-    stages: list[list[str]] = [[], [], []]
-    for path in sorted(seconds, key=seconds.__getitem__):
-        if path.startswith(f"tests/{package}/"):
-            imports = re.search(rf"^(from|import) .*\b{name}\b", (copy / path).read_text(), re.M)
-            is_own = Path(path).stem.startswith(f"test_{name}")
-            stages[0 if is_own else 1 if imports else 2].append(path)
-    return [stage for stage in stages if stage]
-
-
-class FastestFirst:
-    """Pytest's plugin: the fastest tests of each file come first, and their times are kept."""
-
-    def __init__(self, times: Path) -> None:
-        self.known = json.loads(times.read_text()) if times.exists() else {}
-        self.seconds: dict[str, float] = {}
-
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        files = {item.path: place for place, item in reversed(list(enumerate(items)))}
-        items.sort(key=lambda item: (files[item.path], self.known.get(item.nodeid, 0.0)))
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
-
-
-def run_tests(copy: Path, tests: list[str], cache: str, has_mutant: bool) -> None:
-    """Run tests in this process, and end it with pytest's status."""
-    import numba
-
-    numba.config.CACHE_DIR = str(copy / cache)
-    for variable in ("BACKLASH_DATA", "PAPER_TEXT", "HARDWARE_LOGS"):
-        os.environ.pop(variable, None)
-    os.environ |= {"OPENBLAS_NUM_THREADS": "1", "LOKY_MAX_CPU_COUNT": "1"}
+def run_tests(copy: Path, tests: list[Path], compiled: str) -> None:
+    """Run tests in this process, which ends with pytest's status."""
+    importlib.import_module("numba").config.CACHE_DIR = str(copy / compiled)
     os.chdir(copy)
     sys.path.insert(0, str(copy))
     sys.modules.pop("tests", None)
-    with Path(os.devnull).open("w") as nowhere:
-        os.dup2(nowhere.fileno(), 1)
-        os.dup2(nowhere.fileno(), 2)
-    sys.dont_write_bytecode = has_mutant
-    first = FastestFirst(copy / TIMES)
     options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
-    status = pytest.main([*options, *tests], [first])
-    if not has_mutant:
-        (copy / TIMES).write_text(json.dumps(first.seconds))
-    os._exit(status)
+    with redirect_stdout(io.StringIO()):
+        os._exit(pytest.main([*options, *map(str, tests)]))
 
 
-def passes(
-    copy: Path, tests: list[str], cache: str, has_mutant: bool = True, limit_s: float | None = None
-) -> bool:
-    """Whether tests pass in a copy of the project, as a new user has it; False if they take longer than a limit."""
-    process = get_context("fork").Process(target=run_tests, args=(copy, tests, cache, has_mutant))
+def passes(copy: Path, tests: list[Path], compiled: str, limit_s: float | None = None) -> bool:
+    """Whether tests pass in a copy of the project; False if they take longer than a limit."""
+    process = get_context("fork").Process(target=run_tests, args=(copy, tests, compiled))
     process.start()
     process.join(limit_s)
     process.kill()
     process.join()
-    return process.exitcode in (0, pytest.ExitCode.NO_TESTS_COLLECTED)
+    return process.exitcode == 0
 
 
-def is_killed(mutant: Mutant, copy: Path) -> bool:
-    """Whether a test fails in a copy of the project with this mutant."""
-    path = copy / mutant.file
-    source, status = path.read_bytes(), path.stat()
-    path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
+def is_killed(file: Path, source: str, copy: Path, limit_s: float) -> bool:
+    """Whether a test of a file's package fails with another source of it, in a copy of the project."""
+    there, tests = copy / file, copy / "tests" / file.parts[0]
+    kept, status = there.read_bytes(), there.stat()
+    own = sorted(tests.glob(f"test_{file.stem}*.py"))
+    others = [path for path in sorted(tests.glob("test_*.py")) if path not in own]
+    there.write_text(source, "utf-8")
     # What numba has compiled of other files serves; what it compiles of this one goes.
-    shutil.copytree(copy / COMPILED, copy / "mutants")
+    shutil.copytree(copy / "compiled", copy / "mutant")
     try:
-        seconds = seconds_by_file(copy)
-        for tests in test_stages(mutant.file, copy):
-            # A mutant that loops for ever is killed, too; what it lets compile again takes some time.
-            limit_s = 60 + 5 * sum(seconds[path] for path in tests)
-            if not passes(copy, tests, "mutants", limit_s=limit_s):
-                return True
-        return False
+        return not all(passes(copy, each, "mutant", limit_s) for each in (own, others))
     finally:
-        shutil.rmtree(copy / "mutants")
-        path.write_bytes(source)
-        os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
+        shutil.rmtree(copy / "mutant")
+        there.write_bytes(kept)
+        os.utime(there, ns=(status.st_atime_ns, status.st_mtime_ns))
 
 
 def main() -> int:
@@ -233,31 +154,29 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--files", nargs="*", default=EQUATIONS, help="patterns of files to change")
     options = parser.parse_args()
-    # What tests load is loaded once: each run is a fork of this process.
-    for library in (
-        "cma",
-        "hypothesis",
-        "numba",
-        "pandas",
-        "scipy.optimize",
-        "scipy.signal",
-        "scipy.stats",
-    ):
+    for variable in ("BACKLASH_DATA", "PAPER_TEXT", "HARDWARE_LOGS"):  # as a new user has it
+        os.environ.pop(variable, None)
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    for library in LIBRARIES:
         importlib.import_module(library)
-    mutants = drawn_mutants(options.seed, options.count, tuple(options.files))
-    survivors = []
+    mutants = draw_mutants(options.seed, options.count, options.files)
+    survivors = 0
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "project"
         shutil.copytree(ROOT, copy, ignore=NOT_COPIED)
-        tests = sorted({f"tests/{Path(mutant.file).parts[0]}" for mutant in mutants})
-        if not passes(copy, tests, COMPILED, has_mutant=False):
-            sys.exit(f"{' or '.join(tests)} fails without a mutant")
-        for mutant in mutants:
-            killed = is_killed(mutant, copy)
-            survivors += [] if killed else [mutant]
-            print("killed  " if killed else "SURVIVED", mutant, flush=True)
-    print(f"{len(mutants) - len(survivors)} of {len(mutants)} mutants killed")
-    return int(10 * len(survivors) > len(mutants))
+        tests = sorted({copy / "tests" / file.parts[0] for file, *_ in mutants})
+        start = time.monotonic()
+        if not passes(copy, tests, "compiled"):
+            sys.exit(f"{' or '.join(path.name for path in tests)}: tests fail without a mutant")
+        # A mutant that loops for ever is killed, too; what it lets compile again takes some time.
+        limit_s = 60 + 2 * (time.monotonic() - start)
+        sys.dont_write_bytecode = True
+        for file, what, source in mutants:
+            killed = is_killed(file, source, copy, limit_s)
+            survivors += not killed
+            print("killed  " if killed else "SURVIVED", what, flush=True)
+    print(f"{len(mutants) - survivors} of {len(mutants)} mutants killed")
+    return int(10 * survivors > len(mutants))
 
 
 if __name__ == "__main__":

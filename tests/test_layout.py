@@ -1,7 +1,6 @@
 """Imports go one way: among the packages, and the paper's files in the order of reading."""
 
 import ast
-import builtins
 from pathlib import Path
 
 import pytest
@@ -31,20 +30,15 @@ def imported(file: Path) -> set[str]:
     return {name for name in names if name.partition(".")[0] in MAY_IMPORT}
 
 
-def module_of(file: Path) -> str:
-    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+def modules(package: str) -> dict[str, set[str]]:
+    """What each file of a package imports."""
+    return {str(file): imported(file) for file in (ROOT / package).rglob("*.py")}
 
 
-@pytest.fixture(scope="module")
-def imports() -> dict[str, set[str]]:
-    files = (file for package in MAY_IMPORT for file in (ROOT / package).rglob("*.py"))
-    return {module_of(file): imported(file) for file in files}
-
-
-def test_a_package_imports_only_those_below_it(imports):
-    for module, names in imports.items():
-        package = module.partition(".")[0]
-        assert {name.partition(".")[0] for name in names} - {package} <= MAY_IMPORT[package], module
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_a_package_imports_only_those_below_it(package):
+    for file, names in modules(package).items():
+        assert {name.partition(".")[0] for name in names} <= MAY_IMPORT[package] | {package}, file
 
 
 def test_a_notebook_of_the_paper_imports_the_papers_package_and_the_workbook():
@@ -53,23 +47,8 @@ def test_a_notebook_of_the_paper_imports_the_papers_package_and_the_workbook():
         assert packages <= {"replication", "workbook"}, notebook.name
 
 
-def test_a_file_of_the_paper_imports_only_those_before_it(imports):
-    for position, name in enumerate(READ_IN_ORDER):
-        names = {each.split(".")[1] for each in imports[f"replication.{name}"]}
-        assert not names & {*READ_IN_ORDER[position:]} - {name}, name
-
-
-def test_compiled_code_takes_only_njit_from_other_files():
-    """Numba compiles a file's functions again when that file has changed, not when another has."""
-    for package in MAY_IMPORT:
-        for file in (ROOT / package).rglob("*.py"):
-            tree = ast.parse(file.read_text("utf-8"))
-            foreign = {name.rpartition(".")[2] for name in imported(file)} - {"njit"}
-            foreign -= set(dir(builtins))
-            for node in tree.body:
-                if isinstance(node, ast.FunctionDef) and any(
-                    "njit" in ast.unparse(decorator) for decorator in node.decorator_list
-                ):
-                    body = [part for statement in node.body for part in ast.walk(statement)]
-                    used = {part.id for part in body if isinstance(part, ast.Name)}
-                    assert not used & foreign, f"{file.name}: {node.name}"
+@pytest.mark.parametrize("position", range(len(READ_IN_ORDER)))
+def test_a_file_of_the_paper_imports_only_those_before_it(position):
+    own, *later = READ_IN_ORDER[position:]
+    names = {name.split(".")[1] for name in imported(ROOT / "replication" / f"{own}.py")}
+    assert not names & {*later}

@@ -31,28 +31,31 @@ def valley(members):
     return (100 * (x[:, 1:] - x[:, :-1] ** 2) ** 2 + (1 - x[:, :-1]) ** 2).sum(axis=1)
 
 
-def make_library(population, n):
-    options = {"popsize": population, "seed": np.nan, "verbose": -9, "verb_log": 0}
-    return cma.CMAEvolutionStrategy(np.zeros(n), 1.0, options)
-
-
-@pytest.mark.parametrize("population", [4, 31, 300])
+# In turn a population whose negative weights are limited by each of three bounds, and c_mu by 1 - c_1.
+@pytest.mark.parametrize(("population", "n"), [(4, 7), (12, 7), (31, 7), (300, 7), (300, 2)])
 @pytest.mark.filterwarnings("ignore:orphanated")
 def test_equations_13_to_17_give_what_the_library_gives_with_the_constants_of_2021(
-    monkeypatch, population
+    monkeypatch, population, n
 ):
-    library = make_library(population, 7)
-    c = constants(population, 7)
+    options = {"popsize": population, "seed": np.nan, "verbose": -9, "verb_log": 0}
+    library = cma.CMAEvolutionStrategy(np.zeros(n), 1.0, options)
+    c = constants(population, n)
+    # What the library has otherwise today.
+    assert c.c_sigma == pytest.approx((c.mu_eff + 2) / (n + c.mu_eff + 3), rel=1e-12)
+    longer = max(0, np.sqrt((c.mu_eff - 1) / (n + 1)) - 1)
+    assert c.d_sigma == pytest.approx(1 + c.c_sigma + 2 * longer, rel=1e-12)
+    assert c.chi_n == pytest.approx(np.sqrt(n) * (1 - 0.25 / n + 1 / 21 / n**2), rel=1e-12)
     library.adapt_sigma.initialize(library)
     library.adapt_sigma.cs, library.adapt_sigma.damps = c.c_sigma, c.d_sigma
     monkeypatch.setattr(cma.sigma_adaptation.Mh, "chiN", lambda n: c.chi_n)
-    state = next(generations(valley, UNIT, 1, population)).state
+    box = Box(np.full(n, -1.0), np.ones(n))
+    state = next(generations(valley, box, 1, population)).state
     rng = np.random.default_rng(1)
     growths = []
     for generation in range(8):
         library.ask()
         squares, B = np.linalg.eigh(state.C)
-        y = rng.standard_normal((population, 7)) @ (B * np.sqrt(squares)).T
+        y = rng.standard_normal((population, n)) @ (B * np.sqrt(squares)).T
         y *= 40 if generation == 5 else 1  # the step size grows by e, and p_c stalls
         x = state.m + state.sigma * y
         misfits = valley(x / 10)
@@ -79,61 +82,40 @@ def test_p_c_stalls_where_p_sigma_is_longer_than_the_method_allows(side, stalls)
     assert C[0, 0] == pytest.approx(forgets + stalls * c.c_1 * c.c_c * (2 - c.c_c), rel=1e-12)
 
 
-# In turn a population whose negative weights are limited by each of three bounds, and c_mu by 1 - c_1.
-@pytest.mark.parametrize(("population", "n"), [(4, 7), (12, 7), (31, 7), (300, 7), (300, 2)])
-def test_constants_are_the_librarys_and_the_step_size_is_damped_as_in_2021(population, n):
-    sp = make_library(population, n).sp
-    c = constants(population, n)
-    np.testing.assert_allclose(c.weights, sp.weights, rtol=1e-9, atol=1e-12)
-    ours = [c.mu, c.mu_eff, c.c_c, c.c_1, c.c_mu]
-    theirs = [sp.weights.mu, sp.weights.mueff, sp.cc, sp.c1, sp.cmu]
-    np.testing.assert_allclose(ours, theirs, rtol=1e-12)
-    assert c.c_sigma == pytest.approx((c.mu_eff + 2) / (n + c.mu_eff + 3), rel=1e-12)
-    damping = 1 + c.c_sigma
-    if c.mu_eff > n + 2:
-        damping += 2 * (np.sqrt((c.mu_eff - 1) / (n + 1)) - 1)
-    assert c.d_sigma == pytest.approx(damping, rel=1e-12)
-    assert c.chi_n == pytest.approx(np.sqrt(n) * (1 - 0.25 / n + 1 / 21 / n**2), rel=1e-12)
-
-
 def test_the_first_generation_is_drawn_about_the_middle_by_a_quarter_of_the_box():
-    box, seen = Box(np.array([-2.0, 0.0]), np.array([2.0, 10.0])), []
-
-    def eigen(C):
-        seen.append(C)
-        return np.linalg.eigh(C)
-
-    steps = generations(lambda X: X[:, 0], box, 3, 40, eigen)
-    first, second = islice(steps, 2)
+    box = Box(np.array([-2.0, 0.0]), np.array([2.0, 10.0]))
+    first, second = islice(generations(lambda X: X[:, 0], box, 3, 40), 2)
     order = np.exp(0.5e-4 * np.array([0, 0.5]))  # square roots of C's diagonal, beside one
-    normals = np.random.RandomState(3).randn(40, 2)
-    x = [0, 5] + [1, 2.5] * normals * order
-    np.testing.assert_allclose(first.members, into_box(x, box), rtol=1e-12)
+    y = np.random.RandomState(3).randn(40, 2) * order
+    np.testing.assert_allclose(first.members, into_box([0, 5] + [1, 2.5] * y, box), rtol=1e-12)
     np.testing.assert_allclose(first.D, order, rtol=1e-12)
     np.testing.assert_array_equal(first.misfits, first.members[:, 0])
-    ranked = (normals * order)[np.argsort(first.misfits)]
+    ranked = y[np.argsort(first.misfits)]
     expected = update(first.state, ranked, np.eye(2), order, constants(40, 2))
     for ours, theirs in zip(second.state, expected, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
-    np.testing.assert_allclose(seen[1], second.state.C, rtol=1e-12)
     assert (first.state.g, second.state.g) == (0, 1)
 
 
-def test_a_square_below_zero_is_rounding():
-    squares = np.array([-1.0, 1, 1, 1, 1, 1, 4])
-    steps = generations(sphere, UNIT, 1, 4, lambda C: (squares, np.eye(7)))
-    np.testing.assert_allclose(next(steps).D, [2 * np.sqrt(1e-15), *[1] * 5, 2], rtol=1e-12)
+def test_the_axes_are_those_of_the_symmetric_part_of_C_and_a_square_below_zero_is_rounding():
+    asked = []
+
+    def eigen(C):
+        asked.append(C)
+        return np.array([-1.0, 1, 1, 1, 1, 1, 4]), np.eye(7)
+
+    first, second = islice(generations(sphere, UNIT, 1, 4, eigen), 2)
+    np.testing.assert_allclose(first.D, [2 * np.sqrt(1e-15), *[1] * 5, 2], rtol=1e-12)
+    C = second.state.C
+    np.testing.assert_allclose(asked[1], (C + C.T) / 2, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("misfits", "population", "dimensions"), [(sphere, 4, 2), (sphere, 40, 7), (valley, 60, 5)]
-)
-def test_the_search_finds_the_minimum_and_ends_by_itself(misfits, population, dimensions):
-    box = Box(np.full(dimensions, -1.0), np.ones(dimensions))
-    run = search(generations(misfits, box, 3, population), 1000)
+@pytest.mark.parametrize(("misfits", "at"), [(sphere, 0.3), (valley, 0.1)])
+def test_the_search_finds_the_minimum_and_ends_by_itself(misfits, at):
+    run = search(generations(misfits, UNIT, 3, 60), 1000)
     assert run.misfit < 1e-9
     assert run.generations < 1000
-    np.testing.assert_allclose(run.best, 0.3 if misfits is sphere else 0.1, atol=1e-3)
+    np.testing.assert_allclose(run.best, at, atol=1e-3)
 
 
 def script(misfits, population=300, n=7, axes=(2.0, 3.0, 4.0)):
@@ -188,8 +170,6 @@ def test_the_map_into_the_box_is_inverted_for_its_points():
     np.testing.assert_allclose(into_box(back, box), points, atol=1e-12)
     at_lower, at_upper = margins(box)  # no mirror image is given
     assert ((back >= box.lower - at_lower) & (back <= box.upper + at_upper)).all()
-    inner = np.all(np.abs(points) < 1.8, axis=1) & (points[:, 1] > 0.1)
-    np.testing.assert_array_equal(back[inner], points[inner])
 
 
 @pytest.mark.parametrize(
@@ -197,13 +177,12 @@ def test_the_map_into_the_box_is_inverted_for_its_points():
     [
         ({"population": 3}, "population 3"),
         ({"seed": 0}, "seed 0"),
-        ({"box": Box(np.ones(7), -np.ones(7))}, "the box is empty"),
-        ({"box": Box(np.zeros(7), np.full(7, np.inf))}, "the box is empty"),
-        ({"misfits": lambda X: np.full(len(X), np.nan)}, "generation 1: each member needs"),
-        ({"misfits": lambda X: np.ones(3)}, "generation 1: each member needs"),
+        ({"box": Box(np.ones(7), np.ones(7))}, "box is empty"),
+        ({"misfits": lambda X: np.full(len(X), np.nan)}, "one finite misfit"),
+        ({"misfits": lambda X: np.ones(3)}, "one finite misfit"),
     ],
 )
 def test_what_cannot_be_searched_is_one_clear_error(change, words):
-    good = {"misfits": sphere, "box": UNIT, "seed": 1, "population": 10}
+    good = {"misfits": sphere, "box": UNIT, "seed": 1, "population": 4}
     with pytest.raises(ValueError, match=words):
         next(generations(**good | change))

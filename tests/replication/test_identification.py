@@ -10,7 +10,6 @@ from scipy import stats
 from replication import identification, published
 from replication.bench import clean_record
 from replication.identification import (
-    FIT_LEVELS,
     errors_in_turn,
     identify_joint,
     identify_lead,
@@ -25,31 +24,22 @@ JOINT = identified_joint()
 DELTA = 17e-4
 
 
-def settled_nrmse(joint, records):
-    """Of each record, over its turns from the second on."""
-    runs = {delta: simulate(joint, delta, step=5e-5).v for delta in records}
-    errors = [
-        (runs[delta] - record.v)[200:] / record.v[200:].std() for delta, record in records.items()
-    ]
-    return np.sqrt(np.mean(np.square(errors), axis=1))
+def nrmse(joint, records):
+    """Of each record, in its third turn."""
+    return np.array([np.sqrt(np.mean(e**2)) for e in errors_in_turn(joint, records, 3)])
 
 
 def test_the_identified_joint_repeats_every_public_record(authors_data):
     records = load_clean_records(CLEAN_LEVELS)
-    assert len(records) == 11
-    assert settled_nrmse(JOINT, records).max() <= 0.016
-    some = dict(list(records.items())[::6])
-    # A twentieth of a ratio is seen, and so is a drive without the leaky integral.
+    assert nrmse(JOINT, records).shape == (11,)
+    assert nrmse(JOINT, records).max() <= 0.016
+    one = {15e-4: records[15e-4]}
+    # A twentieth of a ratio is seen, and so is a drive without the leaky integral or the delay.
     for factors in ({"K_s/J_l": 1.05}, {"G/J_l": 0.95}, {"K_w/J_m": 0}, {"K_d/J_m": 0.8}):
-        assert settled_nrmse(change(JOINT, factors), some).min() > 0.016
-    assert settled_nrmse(JOINT._replace(delay=0), some).min() > 0.016
-
-
-def test_the_start_up_tells_when_the_joint_started(authors_data):
-    records = load_clean_records(CLEAN_LEVELS)
+        assert nrmse(change(JOINT, factors), one) > 0.016
+    assert nrmse(JOINT._replace(delay=0), one) > 0.016
     leads = JOINT.lead + JOINT.period * np.array([-1, 0, 1])
     assert identify_lead(records, JOINT, leads) == JOINT.lead
-    assert max(np.sqrt(np.mean(e**2)) for e in errors_in_turn(JOINT, records, 1)) < 0.085
 
 
 def test_its_settled_peaks_are_the_printed_amplitudes():
@@ -69,20 +59,20 @@ def records():
 
 def test_errors_are_of_one_turn_over_the_settled_speeds_sd(records):
     record = records[DELTA]
-    sd = record.v[200:].std()
-    assert settled_sd(record) == sd
+    assert settled_sd(record) == record.v[200:].std()
     late = replace(record, v=record.v - 0.3 * (record.t > 0.8 - 1e-9))
     for turn, error in ((1, 0.0), (2, 0.0), (3, 0.3 / settled_sd(late))):
         (errors,) = errors_in_turn(JOINT, {DELTA: late}, turn)
-        assert errors.size == 200
-        np.testing.assert_allclose(errors, error, atol=1e-9)
+        np.testing.assert_allclose(errors, np.full(200, error), atol=1e-9)
     moved = replace(record, t=record.t + 1.1e-6 * (record.t == 0))
     with pytest.raises(ValueError, match="evenly"):
         errors_in_turn(JOINT, {DELTA: moved}, 3)
-    whole = replace(record, t=record.t[:601], v=record.v[:601])
-    assert errors_in_turn(JOINT, {DELTA: whole}, 3)[0].size == 200
+    three_turns, shorter = (
+        {DELTA: replace(record, t=record.t[:size], v=record.v[:size])} for size in (601, 600)
+    )
+    assert errors_in_turn(JOINT, three_turns, 3)[0].size == 200
     with pytest.raises(ValueError, match="3 turns"):
-        errors_in_turn(JOINT, {DELTA: replace(record, t=record.t[:600], v=record.v[:600])}, 3)
+        errors_in_turn(JOINT, shorter, 3)
 
 
 def test_the_ratios_of_a_simulated_joint_are_identified_with_their_intervals(records):
@@ -97,30 +87,28 @@ def test_where_errors_are_linear_in_the_ratios_it_is_the_linear_least_squares(mo
     rng = np.random.default_rng(1)
     start = change(JOINT, {"K_s/J_l": 1.1})._replace(delay=2, alpha=1e5)
     old = ratios(start)
-    names = [name for name in old if name != "lead"]
+    del old["lead"]
     matrix = rng.normal(size=(60, 11))
     measured = matrix @ rng.uniform(0.8, 1.2, 11) + 0.05 * rng.normal(size=60)
-
     calls = []
 
     def errors(joint, records, turn):
         calls.append(joint)
         assert (turn, joint.delay, joint.alpha, joint.lead) == (3, 2, 1e5, JOINT.lead)
-        factors = np.array([ratios(joint)[name] / old[name] for name in names])
-        return np.split(matrix @ factors - measured, 2)
+        return np.split(matrix @ [ratios(joint)[name] / old[name] for name in old] - measured, 2)
 
     monkeypatch.setattr(identification, "errors_in_turn", errors)
     fit = identify_joint({}, start)
     expected, (squares,), *_ = np.linalg.lstsq(matrix, measured)
-    inverse = np.linalg.inv(matrix.T @ matrix)
-    half = stats.t(60 - 11).ppf(0.975) * np.sqrt(squares / (60 - 11) * np.diag(inverse))
-    for k, name in enumerate(names):
-        assert ratios(fit.joint)[name] == pytest.approx(old[name] * expected[k], rel=1e-6)
-        ends = sorted(old[name] * (expected[k] + sign * half[k]) for sign in (-1, 1))
-        assert fit.interval_95[name] == pytest.approx(ends, rel=1e-5)
+    covariance = squares / (60 - 11) * np.linalg.inv(matrix.T @ matrix)
+    sd = np.sqrt(np.diag(covariance))
+    ends = expected + np.outer((-1, 1), stats.t(60 - 11).ppf(0.975) * sd)
+    for name, factor, *interval in zip(old, expected, *ends, strict=True):
+        assert ratios(fit.joint)[name] == pytest.approx(old[name] * factor, rel=1e-6)
+        interval = sorted(old[name] * np.array(interval))
+        assert fit.interval_95[name] == pytest.approx(interval, rel=1e-5)
     assert fit.nrmse == pytest.approx(np.sqrt(squares / 60), rel=1e-6)
-    sd = np.sqrt(np.diag(inverse))
-    np.testing.assert_allclose(fit.correlation, inverse / np.outer(sd, sd), atol=1e-5)
+    np.testing.assert_allclose(fit.correlation, covariance / np.outer(sd, sd), atol=1e-5)
     assert fit.simulations == len(calls) - 1  # the first call tells the number of errors
 
 
@@ -130,15 +118,13 @@ def test_the_lead_is_the_one_whose_first_turn_fits(records):
 
 
 def test_the_joint_is_identified_from_four_levels_and_160_periods(monkeypatch):
-    asked = {}
-    monkeypatch.setattr(
-        identification, "load_clean_records", lambda levels: asked.update(levels=levels)
-    )
+    levels = []
     fit = identification.Identification(JOINT, {"K_pos": (1.23456, 2.0)}, None, 0.0123456, 1)
+    monkeypatch.setattr(identification, "load_clean_records", levels.extend)
     monkeypatch.setattr(identification, "identify_joint", lambda records, start: fit)
     monkeypatch.setattr(identification, "identify_lead", lambda records, joint, leads: leads[-1])
     content = reidentify_joint()
-    assert asked["levels"] == FIT_LEVELS == (3, 6, 9, 12)
+    assert levels == [3, 6, 9, 12]
     assert content["ratios"] == pytest.approx(ratios(JOINT) | {"lead": 0.08}, rel=1e-6)
     assert (content["interval_95"], content["nrmse"]) == ({"K_pos": [1.235, 2.0]}, 0.01235)
 

@@ -6,51 +6,76 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from joblib import parallel_config
 from scipy import stats
 
-from replication import bench, published, table2
+from replication import bench, table2
 from replication.records import Recording, add_noise, constant_speed
-from replication.signature import Parameters, h, rmse
+from replication.signature import Box, Parameters, h, rmse
 
 TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
 
 
-def make_record(noise_rps: float = 0.0) -> Recording:
+def make_record(X: Parameters = TRUE) -> Recording:
     base = constant_speed()
-    record = replace(base, v=base.v + h(base.t, TRUE))
-    return add_noise(record, noise_rps, np.random.default_rng(1)) if noise_rps else record
+    return add_noise(replace(base, v=base.v + h(base.t, X)), 0.1, np.random.default_rng(1))
 
 
-def test_the_best_of_three_runs_finds_the_signature_in_noise():
-    record = make_record(0.1)
-    fits = [table2.fit(record, table2.LEADER, seed) for seed in (1, 2, 3)]
-    best = min(fits, key=lambda fit: fit.rmse)
-    assert best.rmse <= rmse(record.t, record.v, TRUE)
-    assert best.rmse == pytest.approx(rmse(record.t, record.v, best.X), rel=1e-9)
-    assert best.amplitude_rps == pytest.approx(0.6, rel=0.03)  # A is free within a sample
-    assert best.X.omega == pytest.approx(134, rel=0.01)
-    assert best.X.v_t == pytest.approx(100, abs=0.01)
-
-
-def test_the_best_fit_is_no_worse_than_any_run_and_has_its_window_between_samples():
-    record = make_record(0.1)
+@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.LEADER], ids=lambda each: each.name)
+def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(settings):
+    record = make_record()
     best = table2.best_fit(record)
-    runs = [table2.fit(record, table2.NOTEBOOK, seed).rmse for seed in range(1, 6)]
-    assert best.rmse <= min(runs) * (1 + 1e-9)
-    assert best.rmse == pytest.approx(rmse(record.t, record.v, best.X), rel=1e-9)
-    assert best.amplitude_rps == pytest.approx(0.6, rel=0.01)
-    opening = (best.X.t0 + best.X.T1) / record.sample_s
+    runs = [table2.fit(record, settings, seed) for seed in (1, 2, 3)]
+    run = min(runs, key=lambda fit: fit.rmse)
+    assert best.rmse <= run.rmse * (1 + 1e-9)
+    for fit in (best, run):
+        assert fit.rmse <= rmse(record.t, record.v, TRUE)
+        assert fit.rmse == pytest.approx(rmse(record.t, record.v, fit.X), rel=1e-9)
+        assert fit.amplitude_rps == pytest.approx(0.6, rel=0.03)  # A is free within a sample
+        assert fit.X.omega == pytest.approx(134, rel=0.01)
+        assert fit.X.v_t == pytest.approx(100, abs=0.01)
+    opening = (best.X.t0 + best.X.T1) / record.sample_s  # midway between two samples
     assert opening % 1 == pytest.approx(0.5) or best.X.T1 == 0
 
 
-@pytest.mark.parametrize("seed", [0, 4, 11])
-def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed):
+# Ten runs of CMA-ES end 3, 7 and 0 % above.
+@pytest.mark.parametrize(
+    ("seed", "least_rps"), [(0, 0.07482617), (4, 0.07783660), (11, 0.09993275)]
+)
+def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed, least_rps):
     rng = np.random.default_rng(seed)
     record = bench.encoder_log(bench.draw_bench(rng), 1e-3, rng)
-    best = table2.best_fit(record)
-    runs = [table2.fit(record, table2.NOTEBOOK, run).rmse for run in range(1, 11)]
-    assert best.rmse <= min(runs) * (1 + 1e-9)
+    assert table2.best_fit(record).rmse == pytest.approx(least_rps, rel=1e-4)
+
+
+def test_the_best_fit_is_sought_in_nine_half_periods_either_way_and_in_windows_twelve_samples_off():
+    shape, dt, tried = np.array([0.5, 15.0, 130.0, 0.152, 0.012]), 2e-3, []
+    box = Box(np.zeros(5), np.array([1.0, 30.0, 250.0, 0.2, 0.1]))
+
+    def misfits_from(target):
+        tried.clear()
+        return lambda shapes: tried.append(shapes) or ((shapes - target) ** 2).sum(axis=1)
+
+    for half_periods in (-9, 9):
+        target = shape + np.array([half_periods * np.pi / 130, 0, 0, -0.004, 0.01])
+        basins = table2._best_basins(misfits_from(target), shape, box, dt)
+        assert len(basins) == 3
+        np.testing.assert_allclose(basins[0], target, rtol=1e-5)
+        assert {each.shape for each in tried[:19]} == {(50 * 50, 5)}
+        assert tried[19].shape == (1, 5)
+        np.testing.assert_allclose(np.ptp(tried[0], axis=0), [0, 0, 0, 0.196, 0.098])
+    target = shape + dt * np.array([0, 0, 0, 12, -6])
+    window = table2._best_window(misfits_from(target), shape, dt)
+    np.testing.assert_allclose(window, target, rtol=1e-5)
+    np.testing.assert_allclose(np.ptp(tried[0], axis=0), dt * np.array([0, 0, 0, 24, 12]))
+    steps = np.concatenate(tried[1:7]) - target
+    np.testing.assert_allclose(steps, [np.zeros(5), *np.diag([dt, 1, 1, dt, dt])], atol=1e-12)
+
+
+def test_the_best_fit_keeps_the_bound_of_A():
+    record = make_record(TRUE._replace(tau=30.0, omega=40.0))
+    best, run = table2.best_fit(record), table2.fit(record, table2.NOTEBOOK, 2)
+    assert best.rmse <= run.rmse * (1 + 1e-9)
+    assert best.amplitude_rps < 1.05 * table2.search_box(record, table2.NOTEBOOK).upper[0]
 
 
 def test_a_row_made_again_is_the_committed_one():
@@ -66,10 +91,16 @@ def test_a_row_made_again_is_the_committed_one():
 
 def test_the_realisations_that_are_kept_are_forty_of_each_row_and_setting():
     kept = table2.read_realisations()
-    sizes = kept.groupby(["protocol", "row"]).size()
-    assert (sizes[sizes.index.get_level_values("row") <= 10] == 40).all()
-    assert (sizes[sizes.index.get_level_values("row") == 11] == 10).all()
-    assert len(sizes) == 10 * 11
+    sizes = kept.groupby(["row", "protocol"]).size().unstack()
+    assert {*sizes} == {each.name for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
+    assert (sizes.loc[1:10] == 40).all(axis=None)
+    assert (sizes.loc[11] == 10).all()
+    assert [(each.population, each.amplitude_factor) for each in table2.SETTINGS[:3]] == [
+        (300, 1.3),
+        (300, 1.0),
+        (600, 1.0),
+    ]
+    assert {each.amplitude_factor for each in table2.SETTINGS[1:]} == {1.0}
 
 
 def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
@@ -81,33 +112,22 @@ def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
 
     monkeypatch.setattr(table2, "realise", realise)
     path = tmp_path / "table.csv"
-    with parallel_config("sequential"):
-        table2.make_realisations(path, 11)
-        table = pd.read_csv(path)
-        # Row 11 is made ten times.
-        assert len(made) == len(set(made)) == len(table) == 10 * (11 * 10 + 10)
-        table[1:-1].to_csv(path, index=False)
-        made.clear()
-        table2.make_realisations(path, 11)
-    missing = table.iloc[[0, -1]][["protocol", "row", "realisation"]]
-    assert made == list(missing.itertuples(index=False, name=None))
-    assert len(pd.read_csv(path)) == len(table)
+    table2.make_realisations(path, 11)
+    # Row 11 is made ten times.
+    assert len(made) == len({*made}) == 10 * (11 * 10 + 10)
+    pd.read_csv(path)[1:-1].to_csv(path, index=False)
+    table2.make_realisations(path, 11)
+    assert made[1200:] == [made[0], made[1199]]
+    table = pd.read_csv(path)
+    assert len(table) == 1200
     # Where a row has fewer, so many of each are read.
-    table.drop(index=table.index[(table["row"] == 3)][-1]).to_csv(path, index=False)
+    table[(table["row"] != 3) | (table["realisation"] < 11)].to_csv(path, index=False)
     assert table2.read_realisations(path)["realisation"].max() == 10
 
 
 def test_a_constant_record_has_no_best_fit():
     with pytest.raises(ValueError, match="constant speed: constant"):
         table2.best_fit(constant_speed())
-
-
-def test_eight_settings_differ_and_the_drawn_starts_are_two_of_them():
-    assert len({each.name for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}) == 10
-    assert table2.LEADER.name == "rpm, population 600"
-    assert [replace(each, drawn_start=False, name="") for each in table2.DRAWN_STARTS] == [
-        replace(each, name="") for each in (table2.NOTEBOOK, table2.LEADER)
-    ]
 
 
 def test_a_basin_begins_where_misfits_jump_by_more_than_the_gap():
@@ -124,39 +144,32 @@ def test_runs_are_summarised_by_their_amplitudes_and_noise_keeps_its_sign():
             "rmse_rps": [0.1, 0.1, 0.3, 0.1, 0.1],
         }
     )
-    table = table2.summarise_runs(runs, ["record"]).set_index("record")
-    assert table.loc["a", "mean_A_rps"] == pytest.approx(1.1)
-    assert table.loc["a", "sd_A_rps"] == pytest.approx(np.std([0.9, 1.0, 1.4], ddof=1))
-    assert table.loc["a", "relative_error_percent"] == pytest.approx(10)
-    assert table.loc["a", "best_A_rps"] == pytest.approx(0.95)
-    assert table.loc["a", "best_basin_runs"] == 2
-    assert table.loc["noise", "mean_A_rps"] == pytest.approx(0)
+    with_backlash, noise = table2.summarise_runs(runs, ["record"]).to_dict("records")
+    expected = {"mean_A_rps": 1.1, "relative_error_percent": 10, "best_A_rps": 0.95}
+    expected |= {"sd_A_rps": np.std([0.9, 1.0, 1.4], ddof=1), "best_basin_runs": 2}
+    assert {name: with_backlash[name] for name in expected} == pytest.approx(expected)
+    assert noise["mean_A_rps"] == pytest.approx(0)
 
 
-def test_no_two_settings_share_a_noise_and_a_realisation_is_the_same_twice(monkeypatch):
+def test_a_setting_has_its_own_noise_and_seeds_the_same_twice_and_may_drop_a_hundred_samples(
+    monkeypatch,
+):
     monkeypatch.setattr(table2, "load_clean", lambda level: constant_speed())
-    v, seeds = [], []
-    for settings in (*table2.SETTINGS, table2.SETTINGS[0]):
-        record, of_runs = table2.noisy_record(settings, 5, 3)
-        v.append(record.v)
-        seeds.append(of_runs)
-    assert len({tuple(each) for each in seeds}) == 8
-    assert len({each[0] for each in v}) == 8
-    np.testing.assert_array_equal(v[0], v[-1])
-    assert np.abs(v[0] - 100).max() == pytest.approx(0.1394, rel=0.01)  # printed noise of row 5
-
-
-def test_a_drawn_start_drops_up_to_a_hundred_samples(monkeypatch):
-    monkeypatch.setattr(table2, "load_clean", lambda level: constant_speed())
-    sizes = [
-        table2.noisy_record(table2.DRAWN_STARTS[0], 5, number)[0].v.size for number in range(1, 40)
-    ]
+    drawn = [table2.noisy_record(each, 5, 3) for each in (*table2.SETTINGS, table2.SETTINGS[0])]
+    np.testing.assert_array_equal(drawn[0][0].v, drawn[-1][0].v)
+    assert len({tuple(seeds) for _, seeds in drawn}) == 8
+    assert len({record.v[0] for record, _ in drawn}) == 8
+    # The printed noise of row 5.
+    assert np.abs(drawn[0][0].v - 100).max() == pytest.approx(0.1394, rel=0.01)
+    notebook, leader = table2.DRAWN_STARTS
+    assert (notebook.population, leader.population, leader.rpm) == (300, 600, True)
+    sizes = [table2.noisy_record(leader, 5, number)[0].v.size for number in range(1, 40)]
     assert min(sizes) < 2401 - 70
     assert 2401 - 100 < max(sizes) <= 2401
     assert len(set(sizes)) > 20
 
 
-@pytest.mark.parametrize(("size", "k"), [(39, 1), (79, 2), (80, 2), (320, 8)])
+@pytest.mark.parametrize(("size", "k"), [(39, 1), (79, 2), (320, 8)])
 def test_the_prediction_interval_is_of_order_statistics(size, k):
     numbers = np.random.default_rng(1).permutation(np.arange(1.0, size + 1))
     assert table2.prediction_interval(numbers) == (k, size + 1 - k)
@@ -164,32 +177,29 @@ def test_the_prediction_interval_is_of_order_statistics(size, k):
     assert table2.prediction_interval(range(38)) == (-np.inf, np.inf)
 
 
-def make_runs(errors_percent, share=1.0):
+def make_runs(errors_percent):
     """Twenty runs on each record, whose mean |A| errs as given."""
-    theoretical = table2.theoretical_amplitudes()
-    scatter = 0.05 * np.linspace(-1, 1, 20)
-    rows = [
-        {"realisation": 1, "row": row, "A_rps": -A * (1 + error / 100 + off), "rmse_rps": rmse}
-        for row, (A, error) in enumerate(
-            zip(theoretical.values(), np.broadcast_to(errors_percent, 10), strict=True), start=1
-        )
-        for off, rmse in zip(scatter, np.where(np.arange(20) < 20 * share, 0.1, 0.2), strict=True)
+    theoretical = table2.theoretical_amplitudes().values()
+    errors = np.broadcast_to(errors_percent, 10)
+    runs = [
+        {"row": row, "A_rps": -A * (1 + error / 100 + off)}
+        for row, (A, error) in enumerate(zip(theoretical, errors, strict=True), start=1)
+        for off in 0.05 * np.linspace(-1, 1, 20)
     ]
-    return pd.DataFrame(rows).assign(delta_rad=0.0, noise_amplitude_rps=0.1)
+    return pd.DataFrame(runs).assign(
+        realisation=1, rmse_rps=0.1, delta_rad=0.0, noise_amplitude_rps=0.1
+    )
 
 
 def test_table_2_is_made_of_ten_rows_for_each_realisation(monkeypatch):
     monkeypatch.setattr(table2, "load_noisy", lambda level, R: (level, R))
-    keys, records = zip(*table2.table2_records([2, 5]), strict=True)
-    assert records == tuple((level, R) for R in (2, 5) for level in range(2, 12))
-    made = pd.DataFrame(keys)
-    levels, noise = 1e-4 * np.arange(3, 22, 2), published.column("Table 2", "noise")[:10]
-    np.testing.assert_allclose(made["delta_rad"], np.tile(levels, 2), rtol=1e-12)
-    assert made["noise_amplitude_rps"].tolist() == [*noise, *noise]
-    table = table2.table2(make_runs(5.0))
-    np.testing.assert_allclose(table["relative_error_percent"], 5, rtol=1e-9)
-    assert table["theoretical_A_rps"].tolist() == [*table2.theoretical_amplitudes().values()]
-    assert (table["basins"].tolist(), table["runs"].tolist()) == ([1] * 10, [20] * 10)
+    keys, records = zip(*table2.table2_records(range(1, 6)), strict=True)
+    assert records == tuple((level, R) for R in range(1, 6) for level in range(2, 12))
+    kept = pd.read_csv(table2.ROOT / "results" / "table2.csv")
+    runs = pd.DataFrame(keys).assign(A_rps=-kept["mean_A_rps"], rmse_rps=0.1)
+    made = table2.table2(runs)
+    of_one_run = [*keys[0], "theoretical_A_rps", "mean_A_rps", "relative_error_percent"]
+    pd.testing.assert_frame_equal(made[of_one_run], kept[of_one_run], rtol=1e-3)
 
 
 @pytest.mark.parametrize(("error", "holds"), [(5, True), (-15, False), (9.5, None)])
@@ -203,17 +213,8 @@ def test_an_error_below_ten_per_cent_is_decided_by_the_largest(error, holds):
     assert [low, high] == pytest.approx([abs(error) - half, abs(error) + half], abs=0.15)
 
 
-@pytest.mark.parametrize(("share", "holds"), [(0.9, True), (0.2, False)])
-def test_local_minima_are_avoided_if_most_runs_end_in_the_best_basin(monkeypatch, share, holds):
-    table = table2.table2(make_runs(0.0, share))
-    table["best_basin_runs"] += np.arange(10) % 2
-    assert table2.decide_local_minima(table)[0] is holds
-    shares = share + 0.05 * (np.arange(10) % 2)
-    half = stats.t(9).ppf(0.975) * shares.std(ddof=1) / np.sqrt(10)
-    ends = shares.mean() + np.array([-half, half])
-    monkeypatch.setattr(published, "decide", lambda claim, measured, _: measured)
-    measured, words = table2.decide_local_minima(table)
-    assert measured == pytest.approx(ends, rel=1e-12)
-    assert f"({100 * ends[0]:.0f} to {100 * ends[1]:.0f} %)" in words
-    assert f"{20 * shares.sum():.0f} of 200 runs on 10 noisy records" in words
-    assert f"basin, {100 * shares.mean():.0f} %" in words
+def test_most_runs_of_the_kept_table_avoid_local_minima_and_few_would_not():
+    table = pd.read_csv(table2.ROOT / "results" / "table2.csv")
+    words = "1263 of 1500 runs on 50 noisy records end in the best basin, 84 % (82 to 87 %)"
+    assert table2.decide_local_minima(table) == (True, words)
+    assert not table2.decide_local_minima(table.assign(runs=90))[0]

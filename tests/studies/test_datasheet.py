@@ -1,7 +1,5 @@
 """The datasheet counts what it says it counts."""
 
-import re
-
 import numpy as np
 import pandas as pd
 
@@ -25,18 +23,10 @@ def rows(population: str) -> pd.DataFrame:
 
 def test_answers_covers_and_errors_are_counted():
     row = datasheet.summarise(rows("one")).iloc[0]
-    counts = [
-        "joints",
-        "answered",
-        "covered",
-        "false_all_clears",
-        "healthy",
-        "healthy_called",
-        "healthy_cleared",
-    ]
-    assert row[counts].tolist() == [4, 2, 1, 1, 2, 1, 1]
-    assert row["reasons"] == "too noisy 1"
-    assert row[["right", "true_reason", "wrong"]].tolist() == [2, 0, 3]
+    counts = {"joints": 4, "answered": 2, "covered": 1, "false_all_clears": 1}
+    counts |= {"healthy": 2, "healthy_called": 1, "healthy_cleared": 1}
+    counts |= {"right": 2, "true_reason": 0, "wrong": 3, "reasons": "too noisy 1"}
+    assert row[[*counts]].to_dict() == counts
 
 
 def test_a_fault_s_refusal_is_true_or_not():
@@ -46,14 +36,7 @@ def test_a_fault_s_refusal_is_true_or_not():
     assert row[["right", "true_reason", "wrong"]].tolist() == [0, 5, 0]
 
 
-def test_the_page_has_every_population_and_at_most_300_words():
+def test_the_page_has_every_population():
     names = [*datasheet.TURNS, *datasheet.FAULTS]
     page = datasheet.write_page(datasheet.summarise(pd.concat([rows(name) for name in names])))
     assert all(name in page for name in names)
-    assert len([word for word in page.split() if re.search("[A-Za-z]", word)]) <= 300
-
-
-def test_no_log_depends_on_another():
-    assert datasheet.measure_log("gear ratio doubled", 1) == datasheet.measure_log(
-        "gear ratio doubled", 1
-    )

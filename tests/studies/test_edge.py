@@ -16,11 +16,6 @@ def test_plain_fine_steps_give_the_speed_of_located_ones():
     np.testing.assert_allclose(plain, located[: plain.size], atol=1e-3)
 
 
-def test_a_joint_that_runs_away_gives_no_speed():
-    wild = JOINT._replace(K_p=-50 * JOINT.K_p)
-    assert np.isnan(edge.plain_steps_speed(wild, 9e-4, 0.8, 1e-4)).any()
-
-
 def test_coarser_plain_steps_are_compared_with_the_located_peak():
     study = edge.stepping_torque_study(JOINT, [9e-4], [1e-4, 5e-4])
     assert study["model"].tolist() == ["stepping"] * 2 + ["modified"] * 2

@@ -18,12 +18,13 @@ repeats = 30
 
 # %%
 import sys
+import matplotlib
 import pandas as pd
 import workbook
 table = pd.DataFrame({"repeats": [repeats]})
 workbook.verdict("Thirty.", cells={"text.runs": repeats}, tables={"small": table})
 print("a bar of progress", file=sys.stderr)
-print("done")
+print(matplotlib.rcParams["font.family"])
 """
 LEFT = ["notebooks/small.ipynb", "results/outcomes/small.json", "results/small.csv"]
 
@@ -42,25 +43,21 @@ def small(folder):
     return folder / "notebooks" / "small.py"
 
 
-def test_a_run_leaves_the_executed_notebook_and_what_it_exports_the_same_bytes_each_time(project):
+def test_a_run_leaves_the_same_bytes_each_time_whatever_a_users_settings(
+    project, tmp_path, monkeypatch
+):
     folder = project(small=GOOD)
     execution.run(small(folder))
     first = made_in(folder)
     assert list(first) == LEFT
     assert (folder / ".make" / "small.ran").exists()
-    notebook = nbformat.read(folder / LEFT[0], as_version=4)
-    outputs = notebook.cells[1].outputs
-    assert [each.get("text") for each in outputs if each.output_type == "stream"] == ["done\n"]
-    execution.run(small(folder))
-    assert made_in(folder) == first
-
-
-def test_the_settings_of_a_user_reach_no_notebook(project, tmp_path, monkeypatch):
-    home = tmp_path / "home"
+    outputs = nbformat.read(folder / LEFT[0], as_version=4).cells[1].outputs
+    streams = [each.text for each in outputs if each.output_type == "stream"]
+    assert streams == ["['sans-serif']\n"]
+    home = tmp_path.parent / "home"
     for name, text in {
         ".config/matplotlib/matplotlibrc": "font.family: serif\n",
         ".ipython/profile_default/startup/0.py": "print('of the profile')\n",
-        ".ipython/profile_default/ipython_config.py": "c.InteractiveShell.ast_node_interactivity = 'all'\n",
         "startup.py": "print('at the start')\n",
     }.items():
         (home / name).parent.mkdir(parents=True, exist_ok=True)
@@ -68,16 +65,13 @@ def test_the_settings_of_a_user_reach_no_notebook(project, tmp_path, monkeypatch
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("PYTHONSTARTUP", str(home / "startup.py"))
     monkeypatch.setenv("MATPLOTLIBRC", str(home / ".config/matplotlib"))
-    text = "# %%\nimport matplotlib\n1\nprint(matplotlib.rcParams['font.family'])\n"
-    folder = project(small=text)
     execution.run(small(folder))
-    (cell,) = nbformat.read(folder / LEFT[0], as_version=4).cells
-    assert [output.text for output in cell.outputs] == ["['sans-serif']\n"]
+    assert made_in(folder) == first
 
 
 # It leaves a result before it fails.
 FAILS = """# %%
-import os
+import os, time
 from pathlib import Path
 results = Path(os.environ["REPLICATION_OUT"], "results")
 results.mkdir()
@@ -88,92 +82,59 @@ results.mkdir()
 
 
 @pytest.mark.parametrize(
-    ("ending", "says", "timeout_s"),
+    ("ending", "says"),
     [
-        ("1 / 0", r"small\.py, code cell 2: ZeroDivisionError: division by zero", 900),
-        ("import time\ntime.sleep(60)", r"small\.py, code cell 2: .*timed out", 3),
-        ("os._exit(1)", r"small\.py, code cell 2: Kernel died", 900),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("time.sleep(60)", ".*timed out"),
+        ("os._exit(1)", "Kernel died"),
     ],
 )
 def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
-    project, ending, says, timeout_s, monkeypatch
+    project, ending, says, monkeypatch
 ):
     folder = project(small=f"{FAILS}{ending}\n")
     (folder / "results").mkdir()
     (folder / "results" / "small.csv").write_text("repeats\n99\n", "utf-8")
     before = made_in(folder)
-    monkeypatch.setattr(execution, "CELL_TIMEOUT_S", timeout_s)
-    with pytest.raises(execution.NotebookFailed, match=says) as failed:
+    monkeypatch.setattr(execution, "CELL_TIMEOUT_S", 2)
+    says = rf"^small\.py, code cell 2: {says}.*$"
+    with pytest.raises(execution.NotebookFailed, match=says):
         execution.run(small(folder))
-    assert "\n" not in str(failed.value)
     assert made_in(folder) == before
     assert not (folder / ".make" / "small.ran").exists()
-
-
-def test_a_full_disk_is_said_in_one_line(project, monkeypatch):
-    def write(*_):
-        raise OSError(28, "No space left on device")
-
-    folder = project(small="# %%\n1\n")
-    monkeypatch.setattr(nbformat, "write", write)
-    with pytest.raises(execution.NotebookFailed, match=r"^small\.py: .* No space left .*\.make$"):
-        execution.run(small(folder))
-    assert made_in(folder) == {}
-
-
-def test_a_kernel_that_cannot_start_is_said_in_one_line(project, capfd):
-    folder = project(small="# %%\n1\n")
-    profile = folder / ".make" / "settings" / "IPYTHONDIR" / "profile_default"
-    profile.parent.mkdir(parents=True)
-    profile.touch()  # which is a folder's place
-    with pytest.raises(execution.NotebookFailed, match=r"Kernel died .*profile_default") as failed:
-        execution.run(small(folder))
-    assert "\n" not in str(failed.value)
-    assert capfd.readouterr().err == ""
 
 
 def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
     folder = project(small="# %%\nrepeats = 30\n")
     execution.run(small(folder))
     small(folder).write_text("# %%\nrepeats = 31\n", "utf-8")
-    execution.run(small(folder))  # a change of the source alone is none of the executed notebook
-    executed = folder / LEFT[0]
-    notebook = nbformat.read(executed, as_version=4)
+    execution.refuse_edited(small(folder))  # a change of the source alone
+    notebook = nbformat.read(folder / LEFT[0], as_version=4)
     notebook.cells[0].source = "repeats = 32"
-    nbformat.write(notebook, executed)
+    nbformat.write(notebook, folder / LEFT[0])
     edited = made_in(folder)
-    for clock in (0, 2**31):  # whatever file seems to be the newer one
-        os.utime(executed, (clock, clock))
-        with pytest.raises(UserError, match=r"small\.ipynb: edited, and left as it is"):
-            execution.run(small(folder))
-        assert made_in(folder) == edited
+    with pytest.raises(UserError, match=r"small\.ipynb: edited, and left as it is"):
+        execution.run(small(folder))
+    assert made_in(folder) == edited
     small(folder).write_text("# %%\nrepeats = 32\n", "utf-8")  # taken over
     execution.refuse_edited(small(folder))
 
 
-@pytest.fixture
-def no_data(tmp_path, monkeypatch):
-    """No folder with the authors' files, nor a cache, nor a network to download them from."""
-    monkeypatch.delenv("BACKLASH_DATA")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+NEEDS = """# %%
+import os
+class DataUnavailable(Exception): pass
+if os.environ["BACKLASH_RECORDS"] not in {}: raise DataUnavailable("Speeddata3.xlsx: where?")
+"""
 
 
-def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_and_is_due_again(
-    project, no_data
-):
-    text = "# %%\nfrom replication.records import load_clean\nprint(load_clean(12).source)\n"
-    folder = project(small=text)
+def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_or_not_at_all(project):
+    folder = project(small=NEEDS.format(["simulated"]))
     assert "on our simulated records" in execution.run(small(folder))
     assert list(made_in(folder)) == ["results/offline/notebooks/small.ipynb"]
-    assert b"simulated joint" in made_in(folder)["results/offline/notebooks/small.ipynb"]
-    assert not (folder / ".make" / "small.ran").exists()
-
-
-def test_a_notebook_whose_data_nothing_replaces_is_not_run(project, no_data):
-    text = "# %%\nclass DataUnavailable(Exception): pass\nraise DataUnavailable('Speeddata3.xlsx: where?')\n"
-    folder = project(small=text)
+    assert b"our simulated records" in made_in(folder)["results/offline/notebooks/small.ipynb"]
+    folder = project(small=NEEDS.format([]))
     assert "small: not run: Speeddata3.xlsx" in execution.run(small(folder))
-    assert made_in(folder) == {}
+    assert not (folder / ".make" / "small.ran").exists()
 
 
 @pytest.mark.parametrize("name", ["small.ipynb", "missing.py"])
@@ -224,18 +185,10 @@ def test_a_killed_make_leaves_no_process_and_no_half_file_and_the_next_one_goes_
     make.wait()
     assert [name for name in LEFT if name in made_in(folder)] == LEFT
     assert not (folder / "notebooks" / "long.ipynb").exists()
-    (folder / "notebooks" / "long.py").write_text("# %%\nprint(1)\n", "utf-8")
-    assert start_make(folder).wait(100) == 0
+    for source, status in (("1 / 0", 2), ("print(1)", 0)):
+        (folder / "notebooks" / "long.py").write_text(f"# %%\n{source}\n", "utf-8")
+        assert start_make(folder).wait(100) == status
     assert (folder / "notebooks" / "long.ipynb").exists()
-
-
-@pytest.mark.slow
-def test_one_notebook_that_fails_stops_no_other_and_make_ends_badly(project):
-    folder = project(bad="# %%\n1 / 0\n", small=GOOD)
-    assert start_make(folder).wait(100) == 2
-    assert (folder / ".make" / "small.ran").exists()
-    (folder / "notebooks" / "bad.py").write_text("# %%\n1 / 1\n", "utf-8")
-    assert start_make(folder).wait(100) == 0
 
 
 def start_make(folder):

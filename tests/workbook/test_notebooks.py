@@ -32,9 +32,3 @@ def test_the_executed_notebook_has_the_cells_of_its_source_and_no_error(name):
     assert outputs
     assert all(output.output_type != "error" for output in outputs)
     assert " at 0x" not in str(outputs), "an object's address, which changes from run to run"
-
-
-@pytest.mark.parametrize("name", SOURCES)
-def test_jupytext_writes_a_source_as_it_is(name):
-    source = SOURCES[name]
-    assert jupytext.writes(jupytext.read(source), "py:percent") == source.read_text("utf-8")

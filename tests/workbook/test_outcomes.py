@@ -7,7 +7,7 @@ import pytest
 
 import workbook
 from replication.records import UserError
-from workbook import judging, outcomes
+from workbook import outcomes
 from workbook.outcomes import RESULTS
 
 CELL = "equation10.A2"
@@ -26,24 +26,9 @@ def test_by_hand_a_changed_number_stands_beside_the_committed_one_and_loses_its_
     assert workbook.judge({CELL: committed})["verdict"][CELL] == "agrees"
 
 
-def test_a_run_that_makes_the_committed_numbers_shows_its_own_as_such(committed, monkeypatch):
-    monkeypatch.setattr(judging, "OUTPUT_FOLDER", "somewhere")
-    table = workbook.judge({CELL: 1.3 * committed})
-    assert table["committed"][CELL] == table["ours"][CELL]
-    monkeypatch.setenv("BACKLASH_RECORDS", "simulated")  # which makes nothing that is committed
-    table = workbook.judge({CELL: 1.3 * committed})
-    assert table["committed"][CELL] != table["ours"][CELL]
-
-
-@pytest.mark.parametrize(
-    ("holds", "said"), [(True, "holds"), (False, "does not hold"), (None, "undecided")]
-)
-def test_a_claim_is_shown_with_what_was_measured(holds, said):
-    row = workbook.judge(claims={"monotone": (holds, "a slope of 1")}).loc["monotone"]
-    assert (row["ours"], row["verdict"]) == ("a slope of 1", said)
-
-
-def export(folder):
+def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
+    monkeypatch.setattr(outcomes, "OUTPUT_FOLDER", str(tmp_path))
+    monkeypatch.setenv("REPLICATION_NOTEBOOK", "small")
     workbook.verdict(
         "A sentence.",
         cells={CELL: 1 / 3},
@@ -51,23 +36,12 @@ def export(folder):
         facts={"count": 3, "error": f"{float('nan'):+.1f}"},
         tables={"small": pd.DataFrame({"x": [1 / 3]})},
     )
-    return {path.name: path.read_text("utf-8") for path in folder.rglob("*.*")}
-
-
-def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
-    monkeypatch.setattr(outcomes, "OUTPUT_FOLDER", str(tmp_path))
-    monkeypatch.setenv("REPLICATION_NOTEBOOK", "small")
-    made = export(tmp_path)
+    made = {path.name: path.read_text("utf-8") for path in tmp_path.rglob("*.*")}
     outcome = json.loads(made["small.json"])
     assert outcome["cells"][0]["numbers"] == 0.333333
     assert outcome["claims"] == [{"id": "monotone", "holds": True, "measured": "it is"}]
     assert outcome["facts"] == {"count": "3"}
     assert made["small.csv"] == "x\n0.333333\n"
-
-
-def test_by_hand_nothing_is_written(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert export(tmp_path) == {}
 
 
 def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path):

@@ -13,13 +13,11 @@ NAMES = {"tau": (0, np.inf), "omega": (0, np.inf)}
     ("value", "allowed"),
     [
         (0.5, (0, 2.1)),
-        (7, SEEDS),
         ("normal", ("uniform", "normal")),
         (abs, ("L1", callable)),
         ([1, 2], [SEEDS]),
         ([], [SEEDS, []]),
         ({"tau": 1.2}, NAMES),
-        ({}, NAMES),
     ],
 )
 def test_what_is_allowed_passes(value, allowed):
@@ -31,11 +29,9 @@ def test_what_is_allowed_passes(value, allowed):
     [
         (2.2, (0, 2.1), "name = 2.2: it should be a number from 0 to 2.1"),
         (float("nan"), (0, np.inf), "name = nan: it should be a number from 0 to inf"),
-        ("0.5", (0, np.inf), "name = '0.5': it should be a number from 0 to inf"),
         (True, (0, np.inf), "name = True: it should be a number from 0 to inf"),
         (1.0, SEEDS, "name = 1.0: it should be a whole number from 1 to 999"),
         ("a", ("L1", callable), "name = 'a': it should be one of 'L1', a function"),
-        (3, [SEEDS], "name = 3: it should be a list with an item or more"),
         ([], [SEEDS], "name = []: it should be a list with an item or more"),
         ([1, 0], [SEEDS], "name[1] = 0: it should be a whole number from 1 to 999"),
         ({"rho": 1}, NAMES, "name = {'rho': 1}: it should be a mapping of some of 'tau', 'omega'"),
@@ -56,13 +52,10 @@ def test_what_is_not_allowed_is_refused_in_one_line_with_what_is(value, allowed,
         (np.nan, 1, "not yet"),
         ([0, 1], [0, 1], "right"),
         ([0, 1], 1, "not yet"),
-        (1, [1, 1], "not yet"),
         (3, lambda n: n > 2, "right"),
         (np.nan, lambda n: 1 / 0, "not yet"),
         ("one", 1, "not yet: 'one' is not a number"),
-        (None, lambda n: n > 2, "not yet: None is not a number"),
         ([1, [2]], [1, 2], "not yet: [2] is not a number"),
-        (True, 1, "not yet: True is not a number"),
     ],
 )
 def test_an_answer_is_right_or_not_yet_and_a_wrong_kind_is_named(answer, expected, printed, capsys):

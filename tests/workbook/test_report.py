@@ -11,7 +11,6 @@ from workbook.outcomes import RESULTS
 
 TEXT = (RESULTS / "report.md").read_text("utf-8")
 README = (ROOT / "README.md").read_text("utf-8")
-PROSE = TEXT.partition("## All numbers")[0]
 
 
 @pytest.fixture(scope="module")
@@ -23,23 +22,12 @@ def render(facts, **changed):
     return report.load_template().render(facts | changed, up="../")
 
 
-def words(text):
-    return [word for word in text.split() if re.search("[A-Za-z]", word)]
-
-
 def test_the_committed_report_and_readme_are_those_of_the_results(facts, tmp_path):
     assert render(facts) == TEXT
     copy = tmp_path / "README.md"
     copy.write_text(README, encoding="utf-8")
     report.write_report(RESULTS, copy)
     assert copy.read_text("utf-8") == README
-
-
-def test_no_sentence_is_left_out_and_both_are_short(facts):
-    template = report.TEMPLATE.read_text("utf-8")
-    assert set(re.findall(r"\bf\.(?!has)(\w+)", template)) <= set(facts["f"])
-    assert len(words(PROSE)) <= 2500
-    assert len(words(README)) <= 600
 
 
 def test_every_link_of_report_and_readme_leads_to_a_file():
@@ -57,32 +45,20 @@ def test_make_check_prints_every_number_and_notices_a_new_difference():
     assert report.find_surprises(verdicts) == ["table2.row03.mean"]
 
 
-def test_the_sentence_on_sds_follows_their_joint_p(facts):
-    for p, sentence in (
-        (0.01, "do not agree as a whole"),
-        (0.3, "as a whole are neither rejected nor"),
-    ):
-        whole = facts["evidence"]["whole"] | {"p_sds": p}
-        said = render(facts, evidence=facts["evidence"] | {"whole": whole})
-        assert f"SDs {sentence}" in said
-
-
-def test_the_sentence_on_hardware_follows_the_answers(facts):
-    some = {"logs": 20, "refused": 15, "reasons": [("wrong period", 9)]}
-    said = render(facts, hardware=some)
-    assert (
-        'of 20 public logs of other joints our sensor refuses 15, 9 of them for "wrong period"'
-        in said
-    )
-    assert "of none is the backlash known" in said
-    assert "of none is" not in render(facts, hardware=some | {"refused": 20})
-
-
-def test_a_verdict_that_changes_changes_the_sentences(facts):
+def test_a_number_that_changes_changes_the_sentences(facts):
     means = facts["means"] | {"agree": 7}
     assert "7 of 10 printed means" in render(facts, means=means)
     claims = facts["claims"].assign(verdict="holds")
     assert f"{len(claims)} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
+    for p, sentence in ((0.01, "do not agree as a whole"), (0.3, "as a whole are neither")):
+        whole = facts["evidence"]["whole"] | {"p_sds": p}
+        said = render(facts, evidence=facts["evidence"] | {"whole": whole})
+        assert f"SDs {sentence}" in said
+    some = {"logs": 20, "refused": 20, "reasons": [("wrong period", 9)]}
+    assert "of none is" not in render(facts, hardware=some)
+    said = render(facts, hardware=some | {"refused": 15})
+    assert "of 20 public logs of other joints our sensor refuses 15" in said
+    assert "of none is the backlash known" in said
 
 
 # ------------------------------------------------------------------------------------------------ Table 2 as a whole
@@ -99,7 +75,7 @@ def test_p_as_a_whole_is_uniform_among_our_own_tables(whole):
     means, _ = evidence.tables(whole)
     rng = np.random.default_rng(3)
     p = []
-    for _ in range(300):
+    for _ in range(150):
         left = rng.permuted(means, axis=1)
         p.append(evidence.joint_p(evidence.mean_scores(left)))
     assert 0.02 <= np.mean(np.array(p) < 0.1) <= 0.20
@@ -114,10 +90,3 @@ def test_a_table_that_is_off_is_rejected(whole):
         assert evidence.joint_p(evidence.mean_scores(off)) < 0.01
         assert evidence.bias_p(means, factor * printed.means) < 0.01
     assert evidence.joint_p(evidence.rank_scores(np.hstack([20 * printed.sds, sds]))) < 0.01
-
-
-def test_every_setting_judges_with_as_many_realisations_of_each_row():
-    ten = table2.read_realisations(RESULTS / "table2_realisations.csv").query("row <= 10")
-    assert len(set(ten.groupby(["protocol", "row"]).size())) == 1
-    names = [each.name for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)]
-    assert sorted(ten["protocol"].unique()) == sorted(names)

@@ -18,13 +18,11 @@ def test_the_verdicts_are_what_the_outcomes_give():
     pd.testing.assert_frame_equal(now, kept, rtol=1e-3, atol=1e-9, check_dtype=False)
 
 
-def test_every_claim_is_decided_and_every_verdict_has_its_reason():
+def test_every_claim_is_decided_by_what_was_measured():
     claims = pd.read_csv(RESULTS / "claims.csv").set_index("id")
     assert set(claims.index) == set(published.table("claims").index)
     assert claims["verdict"].isin(judging.CLAIM_VERDICTS.values()).all()
     assert claims["measured"].notna().all()
-    assert set(VERDICTS["agreement"]) == set(judging.AGREEMENTS)
-    assert VERDICTS["reason"].notna().all()
 
 
 def test_frozen_numbers_the_lowest_rmse_solutions_are_as_far_from_the_printed_means_as_ever():

@@ -1,0 +1,121 @@
+"""Changes of parameters, natural and foolish ones: what the verdict then says."""
+
+import re
+
+import pytest
+
+from workbook import ParameterError
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("00", {"turn_period_s": 0.4013}),
+        ("03", {"changes": {"K_p": 50.0}}),
+        ("04", {"changes": {"N": 0.0}}),
+        ("05", {"cost": max}),
+        ("05", {"more_bounds": {"beat": (1.0,)}}),
+        ("06", {"left_out": [1, 2, 3, 4, 5, 6]}),
+        ("07", {"box": {"t0": (0.2, 0.1)}}),
+        ("07", {"optimiser": lambda misfits, box, seed: None, "seeds": [1]}),
+        ("08", {"runs_each": 1}),
+        ("09", {"measure_mrad": 0.5}),
+        ("11", {"my_log": "no such file.csv"}),
+        ("12", {"gain_factor": 10}),
+        ("14", {"turns": [12]}),
+    ],
+)
+def test_a_natural_mistake_ends_in_one_line_that_names_the_parameter(
+    run_notebook, name, parameters
+):
+    with pytest.raises(ParameterError) as refusal:
+        run_notebook(name, **parameters)
+    (line,) = refusal.value._render_traceback_()
+    assert next(iter(parameters)) in line.partition(" = ")[0]
+    assert "\n" not in line
+
+
+def test_without_noise_the_signature_itself_makes_most_of_the_error(run_notebook):
+    *_, printed = run_notebook("00", runs=2)
+    own, noise = (float(x) for x in re.findall(r"([+-]\d+\.\d) %", printed)[:2])
+    assert -8 < own < -5
+    assert abs(noise) < 3.5  # A is free by as much
+
+
+def test_a_small_population_misses_the_lowest_misfit_more_often_and_the_verdict_says_so(
+    run_notebook,
+):
+    names, few, _ = run_notebook("00", population=10, runs=5)
+    assert f"{names['reached']} of the 5 single searches" in few
+    assert names["reached"] < 5
+    assert names["best"].rmse <= min(each.rmse for each in names["fits"]) + 1e-4
+
+
+def test_a_joint_with_another_gear_is_not_compared_and_no_number_is_given(run_notebook):
+    names, verdict, _ = run_notebook("03", changes={"N": 2.0}, alphas=[1e5], start_factor=1.0)
+    assert "is not compared with the records" in verdict
+    assert "nan" not in verdict
+    assert "table2.row01.theoretical" not in names["cells"]
+
+
+def test_another_cost_leaves_the_counts_of_the_stored_runs_as_they_are(run_notebook):
+    names, verdict, _ = run_notebook("05", cost="L1", seeds=2)
+    assert names["cells"].get("text.turns") == (12 if names["reproduced"][12] else None)
+    assert "times as much" in verdict
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        ({"population": 4, "iterations": 10}, "; runs stopped by the limit of 10 generations: 1"),
+        ({"population": 4}, "so its |A| says nothing"),
+        ({"optimiser": lambda misfits, box, seed: (box.lower + box.upper) / 2}, "your optimiser"),
+    ],
+)
+def test_a_search_that_fails_is_said_to_fail_before_its_amplitude_is(
+    run_notebook, parameters, says
+):
+    _, text, _ = run_notebook("07", seeds=[1], **parameters)
+    assert text.startswith("In this run no run of ")
+    assert " finds the global minimum" in text.partition(".")[0]
+    assert says in text
+
+
+def test_a_wider_box_is_not_judged_by_the_lowest_misfit_of_the_authors_box(run_notebook):
+    names, text, _ = run_notebook("07", box={"T2": (0.0, 0.4)}, seeds=[1, 2, 3])
+    lower = names["runs"]["over the global minimum"].min() < 0.99
+    assert ("the box is not the authors'" in text) == lower
+
+
+def test_with_four_members_no_mean_of_table_2_is_said_to_be_this_runs(run_notebook):
+    _, text, _ = run_notebook("08", population=4, runs_each=2, public=[1])
+    assert text.startswith("In this run 0 % of 20 searches with a population of 4")
+    assert "On 10 of 10 records no run finds it" in text
+    assert "Read from the kept realisations, not from this run:" in text
+
+
+@pytest.mark.parametrize("friction_share", [0.9, 1.2])
+def test_at_much_friction_the_verdict_gives_no_number_that_the_sensor_refuses(
+    run_notebook, friction_share
+):
+    names, verdict, _ = run_notebook("11", friction_share=friction_share)
+    assert friction_share < 1 or names["by_torque"].backlash_rad is None
+    for name, by in (("by_torque", "by the torque"), ("calibrated", "with its own calibration")):
+        refused = names[name].backlash_rad is None
+        assert (f"{by}: no answer" in verdict) == refused
+
+
+def test_a_drive_that_the_fit_does_not_know_gives_no_backlash(run_notebook):
+    names, verdict, _ = run_notebook("12", gain_factor=0.7, benches=1, levels=[6], realisations=[1])
+    assert names["chance"] < 1e-3
+    assert verdict.startswith("No joint with the paper's drive fits the log")
+    assert "interval" not in verdict
+
+
+def test_a_fitted_joint_errs_less_than_equation_10_on_the_records_of_this_run(run_notebook):
+    names, verdict, _ = run_notebook("12", benches=1, levels=[5, 8], realisations=[1])
+    mean = names["summary"]["mean error"]
+    assert mean["joint known"] < mean["equation 10"]
+    assert "On noisy logs (2 of them)" in verdict
