@@ -145,7 +145,7 @@ def test_what_is_no_source_of_a_notebook_is_refused(project, name):
 
 
 def test_two_notebooks_share_the_cores_and_the_memory():
-    assert [execution.count_workers(cores, 2**40) for cores in (1, 2, 4, 16)] == [1, 2, 2, 8]
+    assert [execution.count_workers(cores, 2**40) for cores in (1, 2, 4, 16)] == [1, 1, 2, 8]
     assert execution.count_workers(16, 2**32) == 4
 
 
