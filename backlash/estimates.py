@@ -119,14 +119,16 @@ class Estimate:
 def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
     """Quantities that a user may compare with the data sheet."""
     ring_hz = np.sqrt(joint["stiffness_per_s2"][0]) / (2 * np.pi)
+    # Fits may end a little below zero, where nothing is.
+    filter_ms, soft_mrad = (max(joint[name][0], 0.0) for name in ("torque_filter_ms", "soft_mrad"))
     return [
         f"stiffness {joint['stiffness_per_s2'][0]:.3g} per s^2 of the load's inertia ({ring_hz:.1f} Hz with the motor "
         f"held), gear efficiency {1 / (1 + joint['loss'][0]):.2f}, load friction {joint['friction_share'][0]:.1%} of "
         "gravity: as in the data sheet?",
         f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
         f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
-        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {joint['torque_filter_ms'][0]:.1f} ms; teeth "
-        f"half as stiff over {joint['soft_mrad'][0]:.2f} mrad beyond the gap",
+        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth half as stiff "
+        f"over {soft_mrad:.2f} mrad beyond the gap",
     ]
 
 
