@@ -11,13 +11,19 @@ from backlash.refusals import one_line, option_of, unit_of
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
-    "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered."
+    "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered, so no axis with "
+    "end stops is. Its errors are known from simulated joints alone, with turns of 0.5 to 2.5 s; slower ones tell "
+    "less."
 )
-_STATUS = "Exit status: 0 done, 1 a defect, 2 unusable input, 130 interrupted."
+_STATUS = (
+    "Exit status: 0 done, also where it cannot tell, 1 a defect, 2 unusable input, 130 interrupted."
+)
 _EXAMPLE = (
     "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
     "or more: backlash estimate log.csv --unit rpm --torque torque --gear-ratio 100 --motor-inertia 1e-4 "
-    "--load-mass 20 --load-arm 0.4."
+    "--load-mass 20 --load-arm 0.4. The answer is one of three: a backlash in mrad at the joint, of which the whole "
+    "play is twice as much, with its 95 % interval; no backlash, with the value that it is less than; or why it cannot "
+    "tell."
 )
 _WRONG = (
     'What can go wrong is told by "cannot tell" and its reason: "not constant speed", strokes or an override that '
@@ -25,14 +31,14 @@ _WRONG = (
     'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
     'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, a belt, an error of '
     'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Often not '
-    "seen are load data that are wrong and fit, and an error of the gear that is sampled too slowly: compare the "
+    "seen are wrong load data that fit nevertheless, and an error of the gear that is sampled too slowly: compare the "
     "printed stiffness, efficiency and friction with the data sheet. "
 )
 _FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity. The backlash scales with the gravity, of which the inertia ratio corrects a part: give both as "
-    "well as they are known. The answer, with a 95 % interval, prints those that fit."
+    "and --gravity. An error of the gravity is one of the backlash: give both as well as they are known, with their "
+    "SDs, which enter the interval. The answer prints the gravity and the inertia ratio that fit."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
@@ -131,7 +137,7 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
     )
     add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
-    _add_numbers(group, arm_m="give the play in mm at this arm, too")
+    _add_numbers(group, arm_m="give half of the play in mm at this arm, too")
     add(
         "--batch",
         type=_path,
@@ -171,15 +177,17 @@ def _add_trend(command: argparse.ArgumentParser) -> None:
 def _add_torque(command: argparse.ArgumentParser) -> None:
     group = command.add_argument_group("by the torque (recommended)", _TORQUE)
     group.add_argument(
-        "--torque", metavar="COLUMN", help="or current, in any unit; positive where it drives"
+        "--torque",
+        metavar="COLUMN",
+        help="or current, in any unit; positive where it drives along the speed",
     )
     _add_numbers(
         group,
-        motor_inertia_kgm2="J_m, to check the torque's unit, too",
+        motor_inertia_kgm2="J_m; the answer then prints the torque's unit in N m",
         load_mass_kg="m, of all that the joint moves",
         load_arm_m="r, from the axis to its centre of mass",
         load_inertia_kgm2="J_l, about the axis (default: m r^2)",
-        inertia_ratio="J_l/(N^2 J_m), load over motor",
+        inertia_ratio="J_l/(N^2 J_m), load over motor, N the gear's",
         gravity_per_s2="m g r/J_l; 9.81/r of a point at r [m]",
         inertia_sd="relative SD of the inertia ratio (0.1)",
         gravity_sd="relative SD of the gravity (0.05)",
@@ -200,9 +208,9 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
     _add_numbers(
         group,
         gear_ratio="motor turns in a load turn; 1 for the joint's side",
-        turn_period_s="of the load, instead or too",
+        turn_period_s="of the load, in place of the gear ratio, or too",
         commanded_speed_rps="to check the unit by",
-        ring_hz="of the oscillation after an impact (21): sample 4 times as fast",
+        ring_hz="of the oscillation after an impact (21); below 4 times as many samples a second a log is refused",
     )
     add = partial(group.add_argument, type=float, metavar="S")
     add("--from", dest="start_s", help="leave out what is before [s from the first sample]")
@@ -210,7 +218,7 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--trust-period",
         action="store_true",
-        help="the turn that is given is right, whatever the record seems to repeat itself by",
+        help="take the turn that is given even if the record seems to repeat itself by another",
     )
 
 
