@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from replication import bench
-from replication.joint import TURN, identified_joint, simulate
+from replication.joint import TURN, Wave, change, identified_joint, simulate
 from replication.records import ROOT
 
 DELTA = 10e-4
@@ -68,3 +68,14 @@ def test_friction_on_the_load_takes_amplitude_away_and_the_turns_used_begin_with
     logs = bench.fit_logs([(bench.Bench(each, 0.0), DELTA) for each in rubbing], 1)
     assert logs["A_rps"][1] < 0.8 * logs["A_rps"][0]
     np.testing.assert_allclose(logs["turns_used"], [11.975, 11.79], atol=0.02)
+
+
+def test_a_torque_at_an_odd_harmonic_of_the_turn_looks_like_backlash():
+    # 9 times 2.5 Hz, and 8 times, in a joint without backlash.
+    joint = change(JOINT, {"G": 0.5})
+    shaken = (
+        joint._replace(waves=(Wave(frequency / 100, 0.0, on_load=0.05 * joint.G),))
+        for frequency in (22.5, 20.0)
+    )
+    odd, even = bench.fit_logs([(bench.Bench(each, 0.02), 0.0) for each in shaken], 1)["A_rps"]
+    assert odd > 2.5 * even

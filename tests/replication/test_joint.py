@@ -137,6 +137,7 @@ def test_the_teeth_meet_twice_a_turn_on_alternating_sides():
 
 
 def test_the_load_is_a_point_of_5_kg():
+    assert pytest.approx(14, abs=0.5) == JOINT.G
     values = ratios(JOINT) | {"J_l/(N^2 J_m)": 3.0, "lead": 0.1}
     joint = from_ratios(values, 50.0)
     assert ratios(joint) == pytest.approx(values, rel=1e-12)
@@ -182,6 +183,7 @@ def test_what_can_be_integrated_ends_at_its_limit(at):
         ({"J_m": -1}, {}, "J_m is .* positive"),
         ({"K_s": np.nan}, {}, "K_s is nan"),
         ({"N": 0}, {}, "N is 0"),
+        ({"G/J_l": 0}, {}, "G/J_l"),
         ({"colour": 2}, {}, "colour.*K_s/J_l"),
         ({"D_s": 2}, {}, "D_s: zero"),
         ({"K_p": 20}, {}, "runs away"),
@@ -189,6 +191,7 @@ def test_what_can_be_integrated_ends_at_its_limit(at):
         ({"w_rate": -1}, {}, "w_rate is .* zero or positive"),
         ({}, {"delta": -1e-9}, "gap"),
         ({}, {"step": 3e-5}, "multiple of the step"),
+        ({}, {"duration": -1}, "duration is -1"),
     ],
 )
 def test_what_cannot_be_simulated_is_named_in_one_line(factors, arguments, words):
@@ -197,7 +200,8 @@ def test_what_cannot_be_simulated_is_named_in_one_line(factors, arguments, words
     assert "\n" not in str(refusal.value)
 
 
-def test_a_joint_without_gravity_keeps_its_speed_and_one_without_backlash_is_quieter():
+def test_a_stiff_joint_one_without_gravity_and_one_without_backlash_run():
+    assert simulate(change(JOINT, {"K_s": 10}), DELTA).impacts.size >= 24
     assert np.abs(simulate(change(JOINT, {"G": 0}), DELTA, 0.8).v - 100).max() < 1e-6
     tight, loose = (simulate(JOINT, delta, 0.8).v for delta in (0.0, DELTA))
     assert np.ptp(tight) < 0.2 * np.ptp(loose)
@@ -211,3 +215,12 @@ def test_a_changed_ratio_keeps_the_other_ratios_and_a_changed_field_all_other_fi
     expected["J_l/(N^2 J_m)"] /= 2
     assert ratios(doubled) == pytest.approx(expected)
     assert change(JOINT, {"J_m": 2.0}) == JOINT._replace(J_m=2 * JOINT.J_m)
+
+
+def test_only_ratios_show_in_the_motor_speed():
+    names = ("J_m", "J_l", "G", "K_s", "K_p", "K_i", "K_d", "K_w")
+    heavy = JOINT._replace(**{name: 10 * getattr(JOINT, name) for name in names})
+    assert ratios(heavy) == pytest.approx(ratios(JOINT), rel=1e-12)
+    np.testing.assert_allclose(
+        simulate(heavy, DELTA, 0.8).v, simulate(JOINT, DELTA, 0.8).v, atol=1e-7
+    )

@@ -145,3 +145,8 @@ def test_a_limit_that_the_text_prints_is_the_criterion():
     for claim in ("error_rad_small", "error_rad_large", "encoder_step"):
         assert published.criterion(claim) == published.value(f"text.{claim}")
     assert published.criterion("error_below_10") == published.value("text.error_limit_percent")
+
+
+def test_another_limit_can_be_tried():
+    assert published.decide("half_turn", 0.04) is True
+    assert published.decide("half_turn", 0.04, {"half_turn": 0.03}) is False

@@ -33,6 +33,7 @@ def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(
         assert fit.amplitude_rps == pytest.approx(0.6, rel=0.03)  # A is free within a sample
         assert fit.X.omega == pytest.approx(134, rel=0.01)
         assert fit.X.v_t == pytest.approx(100, abs=0.01)
+    assert best.amplitude_rps == pytest.approx(0.6, rel=0.01)
     opening = (best.X.t0 + best.X.T1) / record.sample_s  # midway between two samples
     assert opening % 1 == pytest.approx(0.5) or best.X.T1 == 0
 

@@ -1,5 +1,7 @@
 """The datasheet counts what it says it counts."""
 
+import re
+
 import numpy as np
 import pandas as pd
 
@@ -36,7 +38,8 @@ def test_a_fault_s_refusal_is_true_or_not():
     assert row[["right", "true_reason", "wrong"]].tolist() == [0, 5, 0]
 
 
-def test_the_page_has_every_population():
+def test_the_page_has_every_population_and_at_most_300_words():
     names = [*datasheet.TURNS, *datasheet.FAULTS]
     page = datasheet.write_page(datasheet.summarise(pd.concat([rows(name) for name in names])))
     assert all(name in page for name in names)
+    assert len([word for word in page.split() if re.search("[A-Za-z]", word)]) <= 300

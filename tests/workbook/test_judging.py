@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+import workbook
 from replication import published, table2
 from workbook import judging
 from workbook.outcomes import RESULTS, cell_rows, load_outcomes
@@ -159,3 +160,16 @@ def test_the_numbers_that_differ_are_known_and_each_has_a_reason():
     assert (CELLS.loc[differs, "known_difference"] != "").all()
     assert set(CELLS["source"]) == set(judging.SOURCES)
     assert (CELLS["reason"] != "").all()
+
+
+def test_on_our_own_records_the_source_is_our_joint(monkeypatch):
+    monkeypatch.setattr(workbook.outcomes, "records_are_simulated", lambda: True)
+    sources = {workbook.outcomes.source_of(cell) for cell in ("table2.row05.mean", "text.runs")}
+    assert sources == {"simulated joint"}
+    assert workbook.outcomes.source_of("text.load") == "taken over"
+
+
+def test_a_claim_that_no_notebook_decides_is_undecided_and_says_why(tmp_path):
+    claims = judging.claims(tmp_path).set_index("id")
+    assert claims.loc["full_robot", "verdict"] == "undecided"
+    assert "never published" in claims.loc["full_robot", "measured"]
