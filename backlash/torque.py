@@ -98,7 +98,8 @@ class TorqueSettings:
     start_frictions: tuple[float, ...] = (0.02, 0.25, 0.5, 0.75, 0.95)  # of all friction
     # Of 40 benches' logs each but one had its best end among those of its 16 best starts, best rings of a gap and a
     # friction. The best frictions of each gap and ring follow where these end in no usual joint: farther off than
-    # `most_off`, or with a chi squared that noise exceeds in one of 20 logs; so all 60 logs of another seed were found.
+    # `most_off`, or with a chi squared that noise exceeds in one of 20 logs. Of 60
+    # logs of another seed three needed them.
     first_starts: int = 16
     usual_misfit: float = 1.6
     finalists: tuple[int, int] = (5, 20)
@@ -123,9 +124,8 @@ class TorqueSettings:
     method_error: float = 0.05
     # Of the soft part: a share of 0.4 or 0.6 in place of a half moves the gap by as much.
     soft_error: float = 0.1
-    least_soft_sd_mrad: float = (
-        0.1  # benches without soft teeth are told to have 0.11 mrad (RMS of 87)
-    )
+    # Of benches without soft teeth fits have a soft part of 0.11 mrad (RMS of 87).
+    least_soft_sd_mrad: float = 0.1
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs

@@ -122,7 +122,7 @@ def kernel_environment(project: Path) -> dict[str, str]:
 
 
 def count_workers(cores: int, memory: int) -> int:
-    """Workers of each of two notebooks at a time, given all cores and the memory [bytes]; a single one is itself."""
+    """Processes in which each of two notebooks computes at a time, given all cores and the memory [bytes]."""
     return max(1, min(cores // 2, memory // (2 * WORKER_BYTES)))
 
 
