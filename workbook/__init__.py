@@ -5,7 +5,7 @@ import pandas as pd
 from replication.records import ROOT
 from workbook.animation import flipbook
 from workbook.judging import judge, verdict
-from workbook.outcomes import show_figure
+from workbook.outcomes import read_kept, show_figure
 from workbook.parameters import ParameterError, check_answer, check_parameters, explain
 
 # What notebooks call.
@@ -17,6 +17,7 @@ __all__ = [
     "explain",
     "flipbook",
     "judge",
+    "read_kept",
     "show_figure",
     "verdict",
 ]
