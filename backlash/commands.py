@@ -17,7 +17,7 @@ from backlash.reading.columns import numbers
 from backlash.reading.sources import STDIN, naming
 from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
-from replication.records import write_bytes, write_csv, write_text
+from replication.files import write_bytes, write_csv, write_text
 
 _OURS = (b"total_play_high_rad", b'"uncertainty_rad"')  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
