@@ -16,7 +16,7 @@ from backlash.plant import Batch, find_logs, read_batch
 from backlash.reading.sources import STDIN
 from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
-from replication.records import write_bytes, write_csv
+from replication.files import write_bytes, write_csv
 
 _OURS = b"total_play_high_rad"  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from backlash.estimates import Estimate
 from backlash.refusals import one_line
 from replication.figures import STYLE, in_style
-from replication.records import write_bytes
+from replication.files import write_bytes
 
 _SHOWN_TURNS = 3
 _TITLE_LETTERS = 70  # in a line

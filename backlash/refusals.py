@@ -7,7 +7,7 @@ from importlib import import_module
 from numbers import Real
 from typing import Any
 
-from replication.records import UserError
+from replication.files import UserError
 
 
 class Reason(Enum):

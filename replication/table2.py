@@ -17,9 +17,9 @@ from scipy.special import stdtrit
 
 from replication import published
 from replication.cmaes import Eigensolver, generations, search
+from replication.files import ROOT, write_csv
 from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import (
-    ROOT,
     RPM_PER_RPS,
     Recording,
     add_noise,
@@ -29,7 +29,6 @@ from replication.records import (
     load_clean,
     load_noisy,
     simulate_clean,
-    write_csv,
 )
 from replication.signature import MOVEMENT, Box, FloatArray, Parameters, Timing, table1_box
 

@@ -17,8 +17,9 @@ from scipy import optimize
 
 from replication import published, table2
 from replication.cmaes import generations, search
+from replication.files import ROOT, write_csv
 from replication.misfit import PROJECTED, cost, fold, project
-from replication.records import ROOT, Recording, add_noise, simulate_clean, write_csv
+from replication.records import Recording, add_noise, simulate_clean
 from replication.signature import Box, FloatArray, rmse
 from replication.table2 import BASIN_GAP, LEADER, NOTEBOOK
 
