@@ -260,4 +260,5 @@ per_test = steps @ [0.50, 0.58, 0.69, 0.75] / (steps @ steps)
 workbook.check_answer(growth, per_test * 365.25 / 90, atol=0.005)
 
 # %% [markdown]
-# **What you have learnt**: the torque makes a backlash of the index, and a sensor must refuse. *Next:* [what a log tells](12_what_a_log_tells.ipynb).
+# **What you have learnt**: the torque makes a backlash of the index, and a sensor must refuse.
+# *Next:* [what a log tells](12_what_a_log_tells.ipynb).
