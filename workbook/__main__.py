@@ -8,9 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.records import ROOT, UserError, write_bytes, write_json
-from workbook.outcomes import RESULTS, refuse_missing
-from workbook.stamps import new_stamp
+from replication.files import ROOT, UserError, write_bytes, write_json
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -61,7 +59,9 @@ def run(notebook: Path) -> None:
 
 def report() -> None:
     """Write the verdicts, report.md, what the results are made from, and the status in README.md, all or none."""
+    from workbook.outcomes import RESULTS, refuse_missing
     from workbook.report import write_report
+    from workbook.stamps import new_stamp
 
     refuse_missing()
     written = write_report(RESULTS, ROOT / "README.md")
@@ -72,6 +72,7 @@ def report() -> None:
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
     from workbook import judging, report
+    from workbook.outcomes import RESULTS, refuse_missing
 
     refuse_missing()
     verdicts = judging.verdicts(RESULTS)
@@ -84,6 +85,7 @@ def check() -> int:
 
 def verify() -> None:
     """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
+    from workbook.outcomes import RESULTS, refuse_missing
     from workbook.provenance import manifest
 
     refuse_missing()

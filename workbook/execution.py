@@ -24,14 +24,7 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
 from replication import pinned_environment
-from replication.records import (
-    ROOT,
-    DataUnavailable,
-    UserError,
-    write_bytes,
-    write_files,
-    write_text,
-)
+from replication.files import ROOT, DataUnavailable, UserError, write_bytes, write_files, write_text
 from workbook.outcomes import listed_exports
 from workbook.stamps import new_stamp
 

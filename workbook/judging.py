@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from replication import published
-from replication.records import UserError, records_are_simulated
+from replication.files import UserError
+from replication.records import records_are_simulated
 from workbook.outcomes import (
     OUTPUT_FOLDER,
     Cells,

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.records import UserError, as_csv, as_json, write_files
+from replication.files import UserError, as_csv, as_json, write_files
 from workbook import evidence, judging
 from workbook.outcomes import kept_table, load_outcomes, read_kept
 from workbook.provenance import provenance

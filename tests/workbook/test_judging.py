@@ -9,7 +9,7 @@ from scipy import stats
 
 import workbook
 from replication import published, table2
-from replication.records import UserError
+from replication.files import UserError
 from workbook import judging
 from workbook.outcomes import RESULTS, cell_rows, load_outcomes
 

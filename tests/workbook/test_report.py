@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from replication import published, table2
-from replication.records import UserError
+from replication.files import UserError
 from workbook import ROOT, evidence, judging, report
 from workbook.outcomes import RESULTS
 
