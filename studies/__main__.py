@@ -25,7 +25,10 @@ def write_engine() -> None:
     """The paper's joint in a physics engine, and what the sensor says of its logs, into results/engine.csv."""
     from studies import engine
 
-    write_csv(RESULTS / "engine.csv", engine.measure_all())
+    rows = engine.measure_all()
+    write_csv(RESULTS / "engine.csv", rows)
+    _write_sheet()
+    print(engine.describe_arms(rows))
 
 
 def write_hardware() -> None:
@@ -49,8 +52,19 @@ def write_datasheet() -> None:
 
     sheet = datasheet.summarise(datasheet.measure_all())
     write_csv(RESULTS / "datasheet.csv", sheet)
-    write_text(ROOT / "notebooks" / "datasheet.md", datasheet.write_page(sheet))
+    _write_sheet()
     print(sheet.to_string(index=False))
+
+
+def _write_sheet() -> None:
+    """The datasheet's page, by its table and the engine's."""
+    from pandas import read_csv
+
+    from studies import datasheet
+
+    sheet, rows = (read_csv(RESULTS / f"{name}.csv") for name in ("datasheet", "engine"))
+    page = datasheet.write_page(sheet, datasheet.summarise_engine(rows))
+    write_text(ROOT / "notebooks" / "datasheet.md", page)
 
 
 def write_prediction() -> None:

@@ -121,8 +121,15 @@ def describe_rate(count: int, of: int) -> str:
     return f"{count} of {of} ({100 * ends.low:.0f} to {100 * ends.high:.0f} %)"
 
 
-def write_page(sheet: DataFrame) -> str:
-    """The page: turns by friction and loss, faults, limits; at most 300 words."""
+def summarise_engine(rows: DataFrame) -> DataFrame:
+    """The same of the physics engine's logs (`studies.engine`), healthy ones beside the others."""
+    asked = rows[rows["verdict"].notna()]
+    names = "MuJoCo, " + asked["population"].str.removesuffix(", healthy")
+    return summarise(asked.assign(population=names))
+
+
+def write_page(sheet: DataFrame, engine: DataFrame) -> str:
+    """The page: turns by friction and loss, the physics engine's, faults, limits; at most 300 words."""
     turns, faults = sheet[: len(TURNS)], sheet[len(TURNS) :]
     total = turns.sum(numeric_only=True).astype(int)
     lines = [
@@ -142,8 +149,11 @@ def write_page(sheet: DataFrame) -> str:
         *(
             f"| {row.population} | {row.answered} of {row.joints} | {row.covered} | "
             f"{row.healthy_called} of {row.healthy} |"
-            for row in turns.itertuples()
+            for row in [*turns.itertuples(), *engine.itertuples()]
         ),
+        "",
+        "MuJoCo is an independent physics engine. In the gap its gears drag by up to all of the spring's damping; its "
+        "arm has six axes, whose gears all yield.",
         "",
         "| With a fault | right | refused for it | refused otherwise | wrong |",
         "|-|-|-|-|-|",

@@ -110,6 +110,13 @@ def describe_hardware() -> dict[str, Any]:
     return {"logs": len(logs), "refused": reasons.sum(), "reasons": [*reasons.items()]}
 
 
+def describe_engine() -> dict[str, float]:
+    """How far an independent physics engine is from our simulated joint, at its finest step."""
+    twins = read_kept("engine").dropna(subset="nrmse")
+    finest = twins.loc[twins["step_s"].idxmin()]
+    return {"error_percent": 100 * finest["nrmse"], "step_us": 1e6 * finest["step_s"]}
+
+
 def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
     """Everything that the template names: of verdicts, of claims, and of the facts in a folder of results."""
     cells = describe_cells(verdicts)
@@ -126,6 +133,7 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
             table2.read_realisations(kept_table("table2_realisations"))
         ),
         "hardware": describe_hardware(),
+        "engine": describe_engine(),
         "claims": claims.set_index("id"),
         "populations": [settings.population for settings in table2.SETTINGS],
         "changed": (published.table("claims")["changed"] == "yes").sum(),

@@ -38,8 +38,20 @@ def test_a_fault_s_refusal_is_true_or_not():
     assert row[["right", "true_reason", "wrong"]].tolist() == [0, 5, 0]
 
 
+def test_the_engine_s_healthy_joints_stand_beside_its_others():
+    twin = pd.DataFrame({"population": ["twin"], "nrmse": [1e-3]})
+    table = pd.concat([twin, rows("turns"), rows("turns, healthy"), rows("arm")])
+    sheet = datasheet.summarise_engine(table)
+    assert sheet["population"].tolist() == ["MuJoCo, turns", "MuJoCo, arm"]
+    assert sheet["answered"].tolist() == [4, 2]
+
+
 def test_the_page_has_every_population_and_at_most_300_words():
     names = [*datasheet.TURNS, *datasheet.FAULTS]
-    page = datasheet.write_page(datasheet.summarise(pd.concat([rows(name) for name in names])))
+    sheet = datasheet.summarise(pd.concat([rows(name) for name in names]))
+    engines = ["MuJoCo, turns", "MuJoCo, drag in the gap", "MuJoCo, arm"]
+    engine = datasheet.summarise(pd.concat([rows(name) for name in engines]))
+    names += engines
+    page = datasheet.write_page(sheet, engine)
     assert all(name in page for name in names)
     assert len([word for word in page.split() if re.search("[A-Za-z]", word)]) <= 300
