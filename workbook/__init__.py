@@ -5,19 +5,25 @@ import pandas as pd
 from replication.records import ROOT
 from workbook.animation import flipbook
 from workbook.judging import judge, verdict
-from workbook.outcomes import show_figure
-from workbook.parameters import ParameterError, check_answer, check_parameters, explain
+from workbook.outcomes import say, show, show_figure
+from workbook.parameters import ParameterError, check_parameters, explain
+from workbook.teaching import Change, check_answer, say_times, try_changing
 
 # What notebooks call.
 __all__ = [
     "ROOT",
+    "Change",
     "ParameterError",
     "check_answer",
     "check_parameters",
     "explain",
     "flipbook",
     "judge",
+    "say",
+    "say_times",
+    "show",
     "show_figure",
+    "try_changing",
     "verdict",
 ]
 
