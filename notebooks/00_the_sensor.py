@@ -13,7 +13,7 @@ from replication import published
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
 from replication.signature import Parameters, Timing
-from replication.table2 import BASIN_GAP, Settings, best_fit, fit
+from replication.table2 import BASIN_GAP, SearchSettings, best_fit, fit
 from workbook import Change
 
 workbook.say_times("00_the_sensor")
@@ -293,7 +293,7 @@ workbook.show(
 
 # %%
 settings = [
-    Settings(population=each, amplitude_factor=1.0, timing=timing)
+    SearchSettings(population=each, amplitude_factor=1.0, timing=timing)
     for each in populations
 ]
 with workbook.explain("turn_period_s", turn_period_s):

@@ -1,31 +1,36 @@
 """The workbook: runs the notebooks, compares what they export with the printed numbers, makes report and book."""
 
-import pandas as pd
+from importlib import import_module
 
-from replication.records import ROOT
-from workbook.animation import flipbook
-from workbook.judging import judge, verdict
-from workbook.outcomes import say, show, show_figure
-from workbook.parameters import ParameterError, check_parameters, explain
-from workbook.teaching import Change, check_answer, say_times, try_changing
+from replication.files import ROOT
 
-# What notebooks call.
-__all__ = [
-    "ROOT",
-    "Change",
-    "ParameterError",
-    "check_answer",
-    "check_parameters",
-    "explain",
-    "flipbook",
-    "judge",
-    "say",
-    "say_times",
-    "show",
-    "show_figure",
-    "try_changing",
-    "verdict",
-]
+# What notebooks call; `python -m workbook` needs none of it.
+_MODULE_OF = {
+    "Change": "teaching",
+    "ParameterError": "parameters",
+    "check_answer": "teaching",
+    "check_parameters": "parameters",
+    "explain": "parameters",
+    "flipbook": "animation",
+    "judge": "judging",
+    "say": "outcomes",
+    "say_times": "teaching",
+    "show": "outcomes",
+    "show_figure": "outcomes",
+    "try_changing": "teaching",
+    "verdict": "judging",
+}
+__all__ = ["ROOT", *_MODULE_OF]
 
-# Notebooks show tables in full.
-pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)
+
+def __getattr__(name: str) -> object:
+    """Import what a notebook calls when it is called for."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'workbook' has no attribute {name!r}")
+    import pandas as pd
+
+    # Notebooks show tables in full.
+    pd.set_option(
+        "display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200
+    )
+    return getattr(import_module(f"workbook.{_MODULE_OF[name]}"), name)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from numbers import Integral, Real
 from typing import Any
 
-from replication.records import UserError
+from replication.files import UserError
 
 
 class ParameterError(UserError, ValueError):
