@@ -89,10 +89,10 @@ workbook.show(
 # %% tags=["parameters"]
 run = 8  # which of the 30 stored runs to draw
 turns = 2  # turns in figure 6
-# What the fit minimises: "RMSE", "L1" (the mean absolute residual), or a function of
-# the residual.
+# What the fit minimises: "RMSE", "L1" (the mean absolute residual), or a function
+# of the residual.
 cost = "RMSE"
-# Of further parameters that you give the signature, such as {"beat": (100.0, 500.0)}.
+# Of further parameters that you give the signature: {"beat": (100.0, 500.0)}.
 more_bounds = {}
 seeds = 3  # searches of each fit
 
@@ -175,8 +175,8 @@ workbook.show_figure(
     f"(a) The signature of {turns} turn{'s' if turns > 1 else ''} at the "
     f"parameters of stored run {run}: two oscillations a turn, T_d apart. (b) The "
     "first lasts from t_0 + T_1 to t_0 + T_2; its envelope (dashed) decays from "
-    f"the amplitude {X.A:.2f} rps, and {left_percent:.0f} % of it is left when "
-    "the gate closes.",
+    f"the amplitude {abs(X.A):.2f} rps, and {left_percent:.0f} % of it is left "
+    "when the gate closes.",
 )
 
 # %% [markdown]
