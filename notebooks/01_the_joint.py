@@ -29,20 +29,19 @@ workbook.say_times("01_the_joint")
 #
 # ## Method
 #
-# **The mechanics.** The motor (angle $\theta_m$ [rad], speed $\omega_m = \dot\theta_m$ [rad/s],
-# inertia $J_m$ [kg m²]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$
-# and an elastic coupling. $\tau_m$ and $\tau_l$ [N m] are the torques of motor and coupling. $G$ [N
-# m] is the largest torque of gravity, $\theta_l = 0$ hangs straight down, and $\tau_c$ [N m] is
-# Coulomb friction:
+# **The mechanics.** The motor (angle $\theta_m$ [rad], speed $\omega_m$ [rad/s], inertia $J_m$ [kg
+# m²], torque $\tau_m$ [N m]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio
+# $N$ and a coupling of the torque $\tau_l$ [N m]. $G$ [N m] is the largest torque of gravity,
+# $\theta_l = 0$ hangs straight down, $\tau_c$ [N m] is Coulomb friction:
 #
 # $$J_m \dot\omega_m = \tau_m - \tau_l / N, \qquad
 # J_l \dot\omega_l = \tau_l - G \sin\theta_l - \tau_c \, \text{sign}(\omega_l)$$
 #
 # **The dead zone.** The teeth are free while the displacement
-# $\Delta\theta = \theta_m / N - \theta_l$ is within $\pm\delta$. With a sharp edge
-# $\tau_l = K_s(\Delta\theta - \delta\,\text{sign}(\Delta\theta))$ outside, and 0 inside. The paper
-# smooths the edge, with a sharpness $\alpha$ [1/rad] that it does not print and the coupling's
-# damping $D_s$ [N m s/rad]:
+# $\Delta\theta = \theta_m / N - \theta_l$ [rad] is within $\pm\delta$; with a sharp edge $\tau_l$ is
+# the stiffness $K_s$ [N m/rad] times what exceeds $\pm\delta$. The paper smooths the edge, with a
+# sharpness $\alpha$ [1/rad] that it does not print and the coupling's damping $D_s$ [N m s/rad]
+# ($\Delta\omega$ [rad/s] is the rate of $\Delta\theta$):
 #
 # $$K_{BL}(\Delta\theta, \delta) = \frac{K_s}{\pi}\left[\pi + \arctan(\alpha(\Delta\theta - \delta))
 # - \arctan(\alpha(\Delta\theta + \delta))\right] \tag{8}$$
@@ -50,12 +49,11 @@ workbook.say_times("01_the_joint")
 # $$\tau_l = \left[\Delta\theta - \delta \cdot \text{sign}(\Delta\theta) + \frac{D_s}{K_s}\Delta\omega\right]
 # \cdot K_{BL}(\Delta\theta, \delta) \tag{9}$$
 #
-# **The drive.** Every period $T_c$ = 0.5 ms, at $t_k = k T_c$, it compares the motor's angle and
-# speed with those commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s, where
-# $\theta_0$ is the load's angle at $t = 0$. A position gain $K_\text{pos}$ [1/s] and a speed gain
-# $K_p$ [N m s] act on the error $e_k$ [rad/s], the integral $I_k$ [N m] adds it up with the gain
-# $K_i$ [N m], a derivative $K_d$ [N m s²] damps, and a leaky integrator $w_k$ [rad] of gain $K_w$
-# [N m] forgets at the rate $a_w$ [1/s]:
+# **The drive** compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with
+# those commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's
+# angle at $t = 0$). A position gain $K_\text{pos}$ [1/s] and a speed gain $K_p$ [N m s] act on the
+# error $e_k$ [rad/s], the integral $I_k$ [N m] adds it up with $K_i$ [N m], a derivative $K_d$ [N m
+# s²] damps, and a leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
 #
 # $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
 #
@@ -63,11 +61,10 @@ workbook.say_times("01_the_joint")
 #
 # $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_c}$$
 #
-# The torque $u_k$ [N m] is applied one period late and held, and the current loop follows it with
-# the lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$. The
-# numbers were identified from the published signals ([notebook 3](03_simulator_figure10.ipynb)).
-# The paper writes $\tau$ for the damping of the signature too; here $\tau$ is a torque, and the
-# decay of the ring is $\sigma$ [1/s].
+# The torque $u_k$ [N m] is applied one period late and held, and the current loop follows with the
+# lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$. The numbers
+# were identified from the published signals ([notebook 3](03_simulator_figure10.ipynb)). Here
+# $\tau$ is a torque; the decay of the ring is $\sigma$ [1/s].
 #
 # ## Parameters
 
@@ -183,15 +180,13 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# In the middle equation 8 is $K_s [1 - \frac{2}{\pi} \arctan(\alpha\delta)]$, about
-# $2 K_s / (\pi\alpha\delta)$. Multiplied by $\Delta\theta - \delta\,\text{sign}(\Delta\theta)$ it
-# pulls the teeth to the nearer edge, and the torque jumps by $2 \delta K_{BL}(0, \delta)$ where
-# $\Delta\theta$ changes its sign.
+# In the middle equation 8 is about $2 K_s / (\pi\alpha\delta)$. In equation 9 this pulls the teeth
+# to the nearer edge, and jumps by $2 \delta K_{BL}(0, \delta)$ where $\Delta\theta$ changes its sign.
 #
 # ### The same with SciPy
 #
-# `simulate` is compiled, finds each contact exactly and takes milliseconds. These cells solve the
-# equations with `solve_ivp`, from one control period to the next: mechanics, drive, loop.
+# `simulate` is compiled and finds each contact exactly. These cells solve the equations with
+# `solve_ivp`, one control period after another: mechanics, drive, loop. *Predict:* do they agree?
 
 
 # %%
@@ -261,15 +256,14 @@ workbook.show(
 # %% [markdown]
 # ### Why it rings near 21 Hz, and decays
 #
-# With the teeth in contact the joint is linear. Let the motor resist a motion $e^{st}$ of its angle
-# with the torque $Z(s)$ [N m/rad]. Then the load swings on the coupling $K_s$ and, through the
-# gear, on $N^2 Z$, in series:
+# With the teeth in contact the joint is linear. If the motor resists a motion $e^{st}$ of its angle
+# with the torque $Z(s)$ [N m/rad], the load swings on $K_s$ and, through the gear, on $N^2 Z$:
 #
 # $$J_l s^2 + \frac{K_s \, N^2 Z(s)}{K_s + N^2 Z(s)} = 0, \qquad s = -\sigma + i\omega.$$
 #
-# The integral of the speed's error is the error of the position. So the drive holds the motor like
-# a spring: $Z \approx K_i + K_p K_{pos} + K_w$. That is the first step, *two springs*. *Predict:*
-# which term will make the ring decay?
+# The integral of the speed's error is the error of the position, so the drive holds the motor like
+# a spring: $Z \approx K_i + K_p K_{pos} + K_w$, the first step, *two springs*. *Predict:* which
+# term makes the ring decay?
 
 
 # %%
@@ -325,8 +319,8 @@ workbook.say(
 )
 
 # %% [markdown]
-# The simulated ring, from 20 ms after an impact until the teeth part again, is a damped
-# oscillation on a parabola, which absorbs gravity's slow change.
+# The simulated ring, from 20 ms after an impact until the teeth part, is a damped oscillation on a
+# parabola, which absorbs gravity's slow change.
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -360,8 +354,8 @@ workbook.show(
 # %% [markdown]
 # ## Verdict
 #
-# The two claims are decided at $10^5$ per rad, the smallest sharpness among powers of ten that the
-# public records allow ([notebook 3](03_simulator_figure10.ipynb)).
+# The claims are decided at $10^5$ per rad, the least power of ten that the public records allow
+# ([notebook 3](03_simulator_figure10.ipynb)).
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 ALPHA = 1e5
@@ -431,10 +425,9 @@ workbook.try_changing(
 fall_ms = alpha_1_percent = weak_decay = np.nan  # your answers
 
 # %% [markdown]
-# **1.** In the gap no torque holds the load. Suppose that the teeth part at the top without a
-# relative speed, and that the motor keeps its speed: how long (`fall_ms` [ms], to 1) does it take the
-# load to fall through $2\delta$? Gravity's torque is about $G \Omega t / N$. Why does the simulated
-# load need less?
+# **1.** Suppose that the teeth part at the top without a relative speed, and that the motor keeps
+# its speed: how long (`fall_ms` [ms], to 1) does the load take to fall through $2\delta$? Gravity's
+# torque is about $G \Omega t / N$. Why does the simulated load need less?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 # The load's acceleration is G Omega t / (N J_l); it is integrated twice:
