@@ -13,6 +13,7 @@ _MODULE_OF = {
     "explain": "parameters",
     "flipbook": "animation",
     "judge": "judging",
+    "read_kept": "outcomes",
     "say": "outcomes",
     "say_times": "teaching",
     "show": "outcomes",

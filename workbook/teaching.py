@@ -6,9 +6,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
-from workbook.outcomes import RESULTS, notebook_sources, say
+from workbook.outcomes import notebook_sources, read_kept, say
 from workbook.parameters import is_number
 
 # A model of a slow reader.
@@ -49,7 +48,7 @@ def _sentences(code: str) -> list[str]:
 
 def say_times(name: str) -> None:
     """Say how long a notebook takes to read, by a model, and to run, as measured (`results/notebook_times.csv`)."""
-    measured = pd.read_csv(RESULTS / "notebook_times.csv", index_col="notebook")["seconds"]
+    measured = read_kept("notebook_times").set_index("notebook")["seconds"]
     half_minutes = -(-measured.get(name, np.nan) // 30)
     run = f"{half_minutes / 2:g} min" if half_minutes > 0 else "not measured"
     say(f"*Reading time: {reading_minutes(name):.0f} min. Run time: {run}.*")
