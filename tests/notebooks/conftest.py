@@ -38,7 +38,9 @@ class Running:
         (source,) = [path for each, path in notebook_sources().items() if each.startswith(name)]
         self.cells = [cell for cell in jupytext.read(source).cells if cell.cell_type == "code"]
         if edit[0]:
-            taught = [cell for cell in self.cells if "promises" not in cell.metadata.get("tags", [])]
+            taught = [
+                cell for cell in self.cells if "promises" not in cell.metadata.get("tags", [])
+            ]
             assert any(edit[0] in cell.source for cell in taught), f"no code {edit[0]}"
             for cell in taught:
                 cell.source = cell.source.replace(*edit)
