@@ -19,27 +19,38 @@
 # eigenvectors had: LAPACK 3.10 changed the plane rotation they come from (`studies.eigen` keeps the older one).
 #
 # **Settings** differ in the unit that the search sees (rps, or rpm about the mean), in the box of $A$ (Table 1's, or
-# the notebook's, 1.3 times as wide), in the population and in the start. Under each of them Table 2's rows were made
-# again with noises and seeds of their own (`make studies NAME=realisations`, hours).
+# the notebook's, 1.3 times as wide), in the population and in the start: the whole record, or one of the first 100
+# samples, drawn for each row of Table 2, for each fit or once for a table. The text does not say which. Under each
+# Table 2 was made again with noises and seeds of its own (`make studies NAME=realisations`, hours).
 #
-# **Test.** Is the printed table one more of these? In each row the printed number joins the $N$ others, and all $N + 1$
-# get a score: for means $s = ((\ln x - m)/d)^2$, where $m$ is the median of the logarithms and $d$ half the distance of
-# their 16 % and 84 % quantiles; for SDs, whose law has two humps, $s = -2 \ln p$ with the two-sided $p$ of the rank. If
-# these settings produced the table, the printed score is as likely as any other of its row. So the sum of the ten
-# printed scores is ranked among 20 000 sums of scores drawn row by row. The *pooled bias* is the mean over ten rows of
-# mean $A$ over theoretical $A$, less 1; its $p$ is two-sided among 20 000 tables drawn row by row. All three $p$ are
-# `evidence.p_values`'s.
+# **Tests.** Is the printed table one more of these $N$? It joins them, and all $N + 1$ are scored alike:
+#
+# | score | of a row | of a table |
+# | - | - | - |
+# | squares | $((\ln x - m)/d)^2$ | sum |
+# | ranks | $-2 \ln p$, with the two-sided $p$ of the rank | sum |
+# | mean deviation (of means) | mean $A$ over theoretical $A$, less 1 | mean, two-sided |
+# | largest error (of means) | its absolute value | maximum, two-sided |
+# | mean logarithm (of SDs) | $\ln x$ | mean, two-sided |
+#
+# Here $m$ is the row's median of the logarithms, and $d$ half the distance of their 16 % and 84 % quantiles.
+#
+# If the printed table is one of ours, its score is as likely as any other to have any rank. So $p$ is the share of the
+# $N + 1$ whole tables that score as far out. It is never below $1/(N + 1)$, two-sided $2/(N + 1)$. Where rows share
+# neither settings nor start, any of a row's $N + 1$ numbers may stand in a table, so the printed score is ranked among
+# 20 000 tables put together row by row: a finer $p$.
+#
+# Which start, which settings and which score is the analyst's choice. So all are made and shown: a multiverse analysis
+# (Steegen and others 2016), drawn like the specification curve of Simonsohn and others (2020).
 
 # %%
 import numpy as np
-import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import published, table2
+from replication import evidence, figures, published, table2
 from replication.records import load_clean
 from studies import prediction, replay
-from workbook import evidence
 
 # %% [markdown]
 # ## Parameters
@@ -50,7 +61,7 @@ criteria = {}  # a limit to try instead of that of claims.csv, such as {"random_
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    most=(most, range(2, 1001)), criteria=(criteria, {"random_start": (0, 1)})
+    most=(most, range(20, 1001)), criteria=(criteria, {"random_start": (0, 1)})
 )
 
 # %% [markdown]
@@ -91,29 +102,37 @@ basins = stored.groupby("basin").agg(
 basins
 
 # %% [markdown]
-# ### The settings, one by one
+# ### Table 2 as a whole, in all choices
 #
-# `p_means` and `p_sds` of the printed means and SDs, `p_bias` of the printed bias, and the median bias of our tables
-# [%].
+# *Predict:* does the verdict on the ten means hang on the start, on the settings, or on the score?
 
 # %%
 kept = table2.read_realisations()
 used = kept[kept["realisation"] <= most]
-by_name = {name: evidence.p_values(part) for name, part in used.groupby("protocol", sort=False)}
-judged = pd.DataFrame(by_name).T
-judged.insert(0, "tables", used.groupby("protocol")["realisation"].nunique())
-judged["drawn_start"] = evidence.starts_drawn(
-    pd.Series(judged.index).to_frame("protocol")
-).to_numpy()
-judged.round(4)
-
-# %% [markdown]
-# All settings with the whole record together, and the printed bias:
+multiverse = evidence.make_multiverse(used)
+workbook.show_figure(
+    "table2_multiverse",
+    figures.multiverse(multiverse),
+    "The printed table as one more of ours: a $p$ in each cell, shaded below 0.05, 0.01 and 0.001; with ≤ where none "
+    "of our tables lies as far out. *In interval*: how many printed numbers lie in the 95 % intervals (–: too "
+    "few tables for one). In brackets: our tables; then the unit of the speed and the population.",
+)
 
 # %%
-together = evidence.p_values(used[~evidence.starts_drawn(used)])
-printed_bias = float(evidence.bias_percent(evidence.printed_table().means)[0])
-pd.Series(together | {"printed bias [%]": printed_bias}).round(4)
+starts = {start: evidence.describe_start(used, multiverse, start) for start in table2.STARTS}
+rejecting = {
+    start: f"{each.means.rejected} of {each.means.tests} tests the means, {each.sds.rejected} of {each.sds.tests} "
+    "the SDs"
+    for start, each in starts.items()
+}
+print("\n".join(f"{start}: at 5 % reject {each}" for start, each in rejecting.items()))
+
+# %% [markdown]
+# How often does a test reject a table that is right? Each of our own tables in turn is taken as the printed one; the
+# share with $p$ < 0.05, over all choices:
+
+# %%
+multiverse["false_alarms"].describe()[["mean", "min", "max"]].round(3)
 
 # %% [markdown]
 # ### A prediction
@@ -138,25 +157,14 @@ outcome.set_index("row")[["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_ru
 # No correction is made for the number of settings. The authors' own may be none of them.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-level = published.criterion("random_start", criteria)
-start_p = judged.groupby("drawn_start")["p_bias"].max().reindex([False, True])
-measured = tuple(start_p) if start_p.max() >= level else (np.nan, np.nan)
-claims = {
-    "random_start": (
-        published.decide("random_start", measured, criteria),
-        f"mean deviation of the ten means: largest p with a drawn start {start_p[True]:.1g}, with the whole record "
-        f"{start_p[False]:.2g}",
-    )
-}
-lowest_p = judged[["p_means", "p_sds", "p_bias"]].min(axis=1)
-excluded = judged.index[lowest_p < level]
+claims = {"random_start": evidence.decide_random_start(multiverse, criteria)}
 agreeing = (compared["difference_rps"] < replay.AGREE_RPS).sum()
 workbook.verdict(
     f"{agreeing} of {len(compared)} printed generations agree within {replay.AGREE_RPS:.0e} rps, {same_end.sum()} of "
     f"{len(ended)} runs end at the stored misfit, {same_count.sum()} of them in the stored generation. Read from the "
-    f"kept realisations: {len(judged) - len(excluded)} of {len(judged)} settings are compatible with Table 2 at "
-    f"{100 * level:g} %; excluded: {'; '.join(excluded) or 'none'}. Together, those with the whole record have p = "
-    f"{together['p_means']:.2f} for the means and {together['p_sds']:.2f} for the SDs. {prediction_finding}.",
+    f"kept realisations, at 5 %: with the whole record reject {rejecting[table2.WHOLE]}; with a start drawn per row "
+    f"{rejecting['per row']}; per fit {rejecting['per fit']}; per table {rejecting['per table']}. "
+    f"{prediction_finding}.",
     claims=claims,
     facts={
         "stored_runs": len(ended),
@@ -165,19 +173,21 @@ workbook.verdict(
         "replay_apart": f"{ended.loc[same_end, 'difference_rps'].max():.0e}",
         "prediction_finding": prediction_finding,
     },
+    tables={"table2_multiverse": multiverse},
 )
 
 # %% [markdown]
 # ## Try changing
 #
-# 1. `criteria = {"random_start": 0.2}`: a stricter limit excludes more settings.
-# 2. `most = 5`: with five realisations under each hardly anything is excluded.
+# 1. `criteria = {"random_start": 0.6}`: so strict a limit excludes every drawn start, and the claim does not hold.
+# 2. `most = 20`: half as many tables, so the smallest $p$ that whole tables can give is twice as large.
 #
 # ## Exercises
 #
 # Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
 
 # %%
+choices = multiverse.groupby(["start", "settings"]).ngroups
 fewest = power_of_ten = one_excluded = np.nan  # your answers
 
 # %% [markdown]
@@ -188,7 +198,7 @@ fewest = round(2 / (1 - 0.95)) - 1
 print(f"{fewest}; for 99 % {round(2 / (1 - 0.99)) - 1}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-finite = [k for k in range(2, 60) if np.isfinite(table2.prediction_interval(np.arange(k))).all()]
+finite = [k for k in range(2, 60) if np.isfinite(evidence.prediction_interval(np.arange(k))).all()]
 workbook.check_answer(fewest, min(finite), rtol=0)
 
 # %% [markdown]
@@ -205,15 +215,15 @@ runs = basins["runs"].to_numpy()
 workbook.check_answer(power_of_ten, runs @ np.log10(runs / runs.sum()), rtol=0, atol=1)
 
 # %% [markdown]
-# **3.** Suppose that all settings were right. How probable is it (`one_excluded`, to 0.01) that at least one is
-# excluded, if one p of each of the `len(judged)` is compared with 1 %?
+# **3.** Suppose that all settings and starts were right. How probable is it (`one_excluded`, to 0.01) that at least one
+# is excluded, if one p of each of the `choices` is compared with 1 %, and the p are independent?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-one_excluded = 1 - 0.99 ** len(judged)
+one_excluded = 1 - 0.99**choices
 print(f"{one_excluded:.2f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(one_excluded, 1 - 0.99 ** len(judged), atol=0.01)
+workbook.check_answer(one_excluded, 1 - 0.99**choices, atol=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a seed fixes a run only with its library; settings can be excluded by the tables that they
