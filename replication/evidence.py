@@ -10,7 +10,7 @@ may stand in a table, so the printed score is ranked among tables recombined row
 or the start, it is ranked among the whole tables. If the printed table is one of ours, either p is uniform.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -236,7 +236,7 @@ def largest_p(multiverse: pd.DataFrame, start: str, limit: float) -> pd.Series:
 
 
 def name_exclusions(multiverse: pd.DataFrame, start: str, limit: float) -> str:
-    """Say which scores exclude a start under all its settings: "mean deviation of the means and squares of the SDs"."""
+    """Say which scores exclude a start under all its settings: "the means' largest error, the SDs' ranks"."""
     p = largest_p(multiverse, start, limit)
     excluding = p.index[p < limit]
     if p.isna().all():
@@ -244,7 +244,13 @@ def name_exclusions(multiverse: pd.DataFrame, start: str, limit: float) -> str:
     if excluding.empty or len(excluding) == len(p):
         return f"all {len(p)} scores" if len(excluding) else f"none of {len(p)} scores"
     by_numbers = excluding.to_frame(index=False).groupby("numbers", sort=False)["score"]
-    return " and ".join(f"{', '.join(scores)} of the {numbers}" for numbers, scores in by_numbers)
+    return ", ".join(f"the {numbers}' {_list(scores)}" for numbers, scores in by_numbers)
+
+
+def _list(names: Iterable[str]) -> str:
+    """Write names as "a, b and c"."""
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 READINGS = {
