@@ -10,6 +10,7 @@ from pathlib import Path
 
 from backlash.options import Exit, parser
 from backlash.refusals import Refusal, one_line
+from replication.files import UserError
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 _UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
@@ -45,7 +46,7 @@ def _ending(error: BaseException) -> tuple[int, str]:
     causes = (error, error.__cause__, error.__context__)  # compiled code makes Ctrl-C a cause
     if any(isinstance(each, KeyboardInterrupt) for each in causes):
         return Exit.INTERRUPTED, "interrupted; with --out the same command goes on"
-    if isinstance(error, Refusal):
+    if isinstance(error, (Refusal, UserError)):
         return Exit.UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
         # Nothing is left to be flushed at the end.

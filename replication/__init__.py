@@ -4,11 +4,17 @@ import platform
 from collections.abc import Callable
 from typing import Any
 
+from replication.files import UserError
+
 
 def njit(function: Callable) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
-    import numba  # slow, and not every command computes
-
+    try:
+        import numba  # slow, and not every command computes
+    except Exception as error:  # whatever a setting of the user's makes it raise
+        why = " ".join(str(error).split())
+        where = "the variables NUMBA_... and the file .numba_config.yaml"
+        raise UserError(f"numba does not start: {why}; see {where}") from error
     try:
         return numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:  # no folder for the cache

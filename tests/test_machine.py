@@ -53,7 +53,7 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     pictures = []
     for variables in ({}, hostile):
         picture = tmp_path / f"{len(pictures)}.svg"
-        options = ["--turn-period", "0.4", "--method", "amplitude", "--plot", picture]
+        options = ["--turn-period", "0.4", "--plot", picture]
         ended = subprocess.run(
             [sys.executable, "-m", "backlash", "estimate", log, *options],
             cwd=ROOT,
@@ -64,6 +64,31 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
         pictures.append(picture.read_bytes())
     assert ended.stdout.isascii()
     assert pictures[0] == pictures[1]
+
+
+@pytest.mark.parametrize(
+    ("variables", "file", "says"),
+    [
+        ({"NUMBA_NUM_THREADS": "0"}, "", "must be > 0"),
+        ({}, "num_threads: [1\n - x: : {", "flow sequence"),
+    ],
+)
+def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(
+    tmp_path, variables, file, says
+):
+    (tmp_path / ".numba_config.yaml").write_text(file or "{}")
+    log = write(noisy(), tmp_path / "log.csv")
+    ended = subprocess.run(
+        [sys.executable, "-m", "backlash", "estimate", log, "--turn-period", "0.4"],
+        cwd=tmp_path,
+        env=os.environ | variables | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert says in ended.stderr
+    assert "NUMBA_" in ended.stderr
 
 
 def test_an_empty_name_is_no_folder_of_logs(capsys):
