@@ -1,10 +1,12 @@
-"""The engine gives the paper's joint, its logs are answered."""
+"""The engine gives the paper's joint, its logs are answered, and the kept table is what the study makes."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from backlash.estimates import NONE
 from replication.joint import identified_joint
+from replication.records import ROOT
 from studies import engine
 
 JOINT = identified_joint()
@@ -16,19 +18,32 @@ def mujoco():
     return pytest.importorskip("mujoco", reason="needs the package mujoco-core")
 
 
-def test_the_engine_gives_the_paper_s_joint_to_the_first_order_in_its_step(mujoco):
+@pytest.fixture(scope="module")
+def kept():
+    return pd.read_csv(ROOT / "results" / "engine.csv")
+
+
+def test_the_engine_gives_the_paper_s_joint_to_the_first_order_in_its_step(kept, mujoco):
     coarse, fine = (engine.measure_twin(step_s) for step_s in (1e-4, 2.5e-5))
     assert coarse / fine == pytest.approx(4, rel=0.15)
-    assert fine < 6e-3
+    twins = kept[kept["population"] == engine.TWIN].set_index("step_s")
+    assert fine == pytest.approx(twins.loc[2.5e-5, "nrmse"], rel=1e-3)
 
 
 @pytest.mark.parametrize("population", [engine.TURNS, engine.HEALTHY])
-def test_the_sensor_is_right_on_a_log_of_the_engine(population, mujoco):
+def test_the_sensor_is_right_on_a_log_of_the_engine_and_the_kept_row_is_made_again(
+    population, kept, mujoco
+):
     made = engine.measure_log(population, 0)
     if population == engine.HEALTHY:
         assert made["verdict"] == NONE
     else:
         assert made["low_rad"] < made["delta_rad"] < made["high_rad"]
+    row = kept.set_index(["population", "number"]).loc[(population, 0)]
+    for name in ("verdict", "delta_rad"):
+        assert made[name] == row[name]
+    for name in ("backlash_rad", "low_rad", "high_rad"):
+        assert made[name] == pytest.approx(row[name], rel=1e-2)
 
 
 def test_the_load_that_hangs_from_a_joint_has_its_inertia_and_gravity(mujoco):
@@ -67,3 +82,18 @@ def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_
         moments.append(data.qfrc_bias[11])
     assert data.xaxis[-1][2] == pytest.approx(0, abs=1e-12)
     assert max(moments) == pytest.approx(machine.turning.G, rel=0.02)
+
+
+def test_the_table_has_a_row_for_each_log_that_the_study_makes(kept):
+    logs = kept[kept["population"] != engine.TWIN]
+    assert logs["population"].value_counts().to_dict() == engine.LOGS
+    assert logs["verdict"].notna().all()
+    assert (logs["reason"].notna() == (logs["verdict"] == "cannot tell")).all()
+
+
+def test_the_kept_errors_fall_with_the_step_to_the_first_order(kept):
+    twins = kept[kept["population"] == engine.TWIN]
+    assert tuple(twins["step_s"]) == engine.TWIN_STEPS_S
+    slope = np.polyfit(np.log(twins["step_s"]), np.log(twins["nrmse"]), 1)[0]
+    assert slope == pytest.approx(1, abs=0.1)
+    assert twins["nrmse"].min() < 6e-4
