@@ -56,6 +56,7 @@ verify: .venv/.installed  ## verification.json, to send back: versions, processo
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
 	@$(WRITABLE)
 	$(RUN) lab
+	@$(RUN) data > /dev/null || { echo 'The notebooks run on our simulated records'; export BACKLASH_RECORDS=simulated; }; \
 	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) \
 	  --LabApp.default_url=/lab/tree/lab/00_the_sensor.ipynb
 

@@ -1,5 +1,6 @@
 """The student's copies of the notebooks in `lab/`: what is saved there touches no committed notebook."""
 
+import platform
 import shutil
 from pathlib import Path
 
@@ -29,6 +30,8 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
         notebook = nbformat.read(executed, as_version=4)
         for cell in notebook.cells:
             ask_for_answer(cell)
+        # What a kernel says of itself when it starts: else JupyterLab calls an untouched copy unsaved.
+        notebook.metadata.setdefault("language_info", {})["version"] = platform.python_version()
         notebook.metadata["jupytext"] = {"formats": "ipynb"}  # no source is paired with it
         write_text(copy, nbformat.writes(notebook) + "\n")
         notary.sign(notebook)
