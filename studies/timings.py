@@ -17,10 +17,11 @@ from scipy import optimize
 
 from replication import published, table2
 from replication.cmaes import generations, search
+from replication.files import ROOT, write_csv
 from replication.misfit import PROJECTED, cost, fold, project
-from replication.records import ROOT, Recording, add_noise, simulate_clean, write_csv
+from replication.records import Recording, add_noise, simulate_clean
 from replication.signature import Box, FloatArray, rmse
-from replication.table2 import BASIN_GAP, LEADER, NOTEBOOK
+from replication.table2 import BASIN_GAP, NOTEBOOK, RPM_600
 
 REPEATS = 5  # that a median is taken over
 AUTHORS_LOOP = (
@@ -138,7 +139,7 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
     five = Box(box.lower[PROJECTED], box.upper[PROJECTED])
     methods: dict[str, tuple[int, Callable[[int], float]]] = {
         "this CMA-ES, population 300": (runs, lambda k: table2.fit(record, NOTEBOOK, k).rmse),
-        "this CMA-ES, population 600": (runs, lambda k: table2.fit(record, LEADER, k).rmse),
+        "this CMA-ES, population 600": (runs, lambda k: table2.fit(record, RPM_600, k).rmse),
         "this CMA-ES on the five parameters that the projection leaves, population 600": (
             runs,
             lambda k: search(generations(projected, five, k, 600), 200).misfit,

@@ -8,8 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.records import ROOT, UserError, write_json
-from workbook.outcomes import RESULTS
+from replication.files import ROOT, UserError, write_json
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -60,6 +59,7 @@ def run(notebook: Path) -> None:
 
 def report() -> None:
     """Write the verdicts, report.md, what the results are made from, and the status in README.md."""
+    from workbook.outcomes import RESULTS
     from workbook.provenance import provenance
     from workbook.report import write_report
 
@@ -73,6 +73,7 @@ def report() -> None:
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
     from workbook import judging, report
+    from workbook.outcomes import RESULTS
 
     verdicts = judging.verdicts(RESULTS)
     print(report.list_numbers(verdicts))
@@ -84,6 +85,7 @@ def check() -> int:
 
 def verify() -> None:
     """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
+    from workbook.outcomes import RESULTS
     from workbook.provenance import manifest
 
     path = ROOT / "verification.json"

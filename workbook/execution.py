@@ -21,7 +21,7 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
 from replication import pinned_environment
-from replication.records import ROOT, DataUnavailable, UserError, write_text
+from replication.files import ROOT, DataUnavailable, UserError, write_text
 
 CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads

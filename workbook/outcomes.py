@@ -14,14 +14,8 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from replication import published
-from replication.records import (
-    FLOAT_FORMAT,
-    ROOT,
-    UserError,
-    records_are_simulated,
-    write_csv,
-    write_json,
-)
+from replication.files import FLOAT_FORMAT, ROOT, UserError, write_csv, write_json
+from replication.records import records_are_simulated
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.records import write_csv, write_text
+from replication.files import write_csv, write_text
 from workbook import evidence, judging
 from workbook.outcomes import RESULTS, load_outcomes
 

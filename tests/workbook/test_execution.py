@@ -10,7 +10,7 @@ import nbformat
 import psutil
 import pytest
 
-from replication.records import UserError
+from replication.files import UserError
 from workbook import ROOT, execution
 
 GOOD = """# %% tags=["parameters"]

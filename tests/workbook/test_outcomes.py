@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.records import UserError
+from replication.files import UserError
 from workbook import outcomes
 from workbook.outcomes import RESULTS
 
