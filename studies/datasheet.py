@@ -1,4 +1,4 @@
-"""The sensor's datasheet: what it says of logs of joints that are drawn apart from its fits (`benches`).
+"""The sensor's datasheet: what it says of logs of joints that are drawn apart from its fits (`simulated_joints`).
 
 `python -m studies datasheet` draws them with a seed that nothing else uses, and writes results/datasheet.csv and the
 page notebooks/datasheet.md.
@@ -13,7 +13,7 @@ from scipy.stats import binomtest
 
 from backlash.estimates import estimate
 from backlash.refusals import Reason
-from studies.benches import TURN, Fault, draw_log_uniform, draw_turns
+from studies.simulated_joints import TURN, Fault, draw_log_uniform, draw_turns
 
 SEED = 640317
 LOAD_SDS = (0.1, 0.05)  # relative, by which inertia ratio and gravity are misjudged

@@ -13,19 +13,25 @@ from backlash.torque.search import Candidate, hold_delta, search
 from backlash.torque.unknowns import (
     DELAY,
     DELTA,
-    INERTIA,
     FILTER,
     GRAVITY,
+    INERTIA,
     IS_LOGARITHM,
     LOSS,
+    NAMES,
     RATIO,
     SHARE,
     SOFT,
     STIFFNESS,
     TABLE,
-    NAMES,
 )
-from backlash.turns import gravity_by_turn, periodic, turn_phases
+from backlash.turns import (
+    gravity_by_turn,
+    odd_against_even,
+    periodic,
+    scatter_of_phase,
+    turn_phases,
+)
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -34,7 +40,10 @@ NORMAL_95 = 1.96  # half width over SD of a 95 % interval
 
 @dataclass(frozen=True)
 class AnswerLimits:
-    """Errors beyond the noise, and what is refused, each with its reason; "benches" as in `ProblemSettings`."""
+    """Errors beyond the noise, and what is refused, each with its reason.
+
+    "Benches" are the joints of `studies.simulated_joints`, of other seeds than the datasheet's.
+    """
 
     # Errors beyond what noise explains: on 20 benches of a seed of their own the errors' SD was 0.55 of that with 0.07.
     method_error: float = 0.05
@@ -45,9 +54,16 @@ class AnswerLimits:
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
-    most_off: float = 3.5  # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off
+    most_off: float = (
+        3.5  # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off
+    )
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
+    # Odd against even turns over gravity, and the times of gravity's line: of 100 simulated joints at most 0.14 % and
+    # 0.26 ms; with another axis at 0.5 or 1.5 times the turn, of 2 % of gravity, 1.3 % or more, and with a clock that
+    # wanders by 3 ms 1.6 ms or more.
+    most_odd_against_even: float = 0.006
+    most_scatter_s: float = 1e-3
     # Acceleration of a line over gravity's: of 130 benches' joints 0.05 at most, but for one whose drive hums; with a
     # gear's error of 0.5 mrad a hundred times a turn 0.09 or more, if it is sampled at all.
     most_ripple: float = 0.1
@@ -86,7 +102,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     rough = state_problem(turn, load, c.search_model_error, c.search_harmonics, 2 * c.step_s)
     problem = state_problem(turn, load, c.model_error, c.most_harmonics, c.step_s)
     best, *others = search(problem, rough)
-    scale = max(best.chi2 / problem.size, 1.0)  # of chi squared, where the model leaves more than noise
+    scale = max(
+        best.chi2 / problem.size, 1.0
+    )  # of chi squared, where the model leaves more than noise
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)
     rivals = [each for each in others if each.chi2 < best.chi2 + LIMITS.rival * scale]
@@ -101,7 +119,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         interval_rad=interval,
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
-        joint=_quantities(best, covariance, rivals, turn.gear_ratio),
+        joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio),
         model_torque=_model_torque(recording, torque, problem, best),
     )
 
@@ -136,11 +154,7 @@ def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
 
 
 def _pool_intervals(
-    problem: Problem,
-    best: Candidate,
-    covariance: FloatArray,
-    rivals: list[Candidate],
-    scale: float,
+    problem: Problem, best: Candidate, covariance: FloatArray, rivals: list[Candidate], scale: float
 ) -> tuple[tuple[float, float], bool]:
     """The interval over all minima that fit nearly as well, and whether it is of no backlash; Refusal if too wide."""
     own = _interval(best.theta, covariance)
@@ -180,6 +194,20 @@ def _check_movement(
             "another axis move?",
             Reason.NOT_PERIODIC,
         )
+    odd = odd_against_even(recording, torque)
+    if odd > LIMITS.most_odd_against_even:
+        raise Refusal(
+            f"odd and even turns differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
+            "at half this joint's rate? hold all other axes still",
+            Reason.NOT_PERIODIC,
+        )
+    scatter = scatter_of_phase(recording, torque)
+    if scatter > LIMITS.most_scatter_s:
+        raise Refusal(
+            f"gravity's line comes {1e3 * scatter:.2g} ms early or late from turn to turn; does the log's clock "
+            "wander, or does another axis move?",
+            Reason.NOT_PERIODIC,
+        )
     if turn.friction >= 1:
         raise Refusal(
             f"the mean torque, {turn.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs an "
@@ -212,7 +240,8 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
             f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[farthest]} "
             f"{off[farthest]:+.1f}, gravity {off[GRAVITY]:+.1f} and inertia ratio {off[RATIO]:+.1f} SDs off, gear loss "
             f"{best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by {best.theta[FILTER]:.1f} ms); are "
-            "the load's data right? is there a belt, another axis, or an error of the gear?",
+            "the load's data right? are all other axes held still, and is the arm stiff beside the payload? is "
+            "there a belt, or an error of the gear?",
             Reason.NO_FIT,
         )
 
@@ -228,7 +257,11 @@ def _predict_again(problem: Problem, candidate: Candidate) -> Prediction:
 
 
 def _quantities(
-    best: Candidate, covariance: FloatArray, rivals: list[Candidate], gear_ratio: float
+    best: Candidate,
+    covariance: FloatArray,
+    rivals: list[Candidate],
+    scale: float,
+    gear_ratio: float,
 ) -> dict[str, tuple[float, float]]:
     """Quantities of the joint with their SDs: by noise, by the minima that fit nearly as well, by the model's errors.
 
@@ -236,11 +269,15 @@ def _quantities(
     """
     values = np.array([_up_to_gravity(each.theta) for each in (best, *rivals)])
     slope, moves = np.eye(len(TABLE)), 1e-6 * np.eye(len(TABLE))
-    ends = [(_up_to_gravity(best.theta + move), _up_to_gravity(best.theta - move)) for move in moves]
+    ends = [
+        (_up_to_gravity(best.theta + move), _up_to_gravity(best.theta - move)) for move in moves
+    ]
     slope[STIFFNESS] = [(ahead - back)[STIFFNESS] / 2e-6 for ahead, back in ends]
     errors = np.array([each.error for each in TABLE])
-    spread = np.ptp(values, axis=0)
-    sd = np.sqrt(np.diag(slope @ covariance @ slope.T) + spread**2 + errors**2)
+    # Each minimum weighs as much as it is likely.
+    weight = np.exp(-0.5 * np.array([each.chi2 - best.chi2 for each in (best, *rivals)]) / scale)
+    spread = weight @ (values - values[0]) ** 2 / weight.sum()
+    sd = np.sqrt(np.diag(slope @ covariance @ slope.T) + spread + errors**2)
     theta = values[0] - np.log(gear_ratio) * (np.arange(len(TABLE)) == INERTIA)  # J_m of N J_m
     value = np.where(IS_LOGARITHM, np.exp(theta), theta)
     of_value = np.where(IS_LOGARITHM, value * sd, sd)

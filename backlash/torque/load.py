@@ -280,9 +280,14 @@ def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -
         _settle(theta, c.step_s, forcing, begin, contact)
     if not _close_orbit(theta, c.step_s, forcing, begin, contact):
         return None
-    carried = _at_harmonics(np.column_stack([contact, smooth_abs(contact, c)]), c)
+    carried = carry(contact, c)
     torque, sd = predict_torque(theta, c, carried), torque_sd(theta, c)
     return Prediction(theta, begin, forcing, contact, carried, torque, sd)
+
+
+def carry(contact: FloatArray, c: Comparison) -> ComplexArray:
+    """Harmonics of the contact torque of a turn and of its size, which the gear's loss goes with."""
+    return _at_harmonics(np.column_stack([contact, smooth_abs(contact, c)]), c)
 
 
 def _at_harmonics(waves: FloatArray, c: Comparison) -> ComplexArray:

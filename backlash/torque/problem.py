@@ -124,7 +124,7 @@ class Problem(NamedTuple):
     def prior(self, theta: FloatArray, side: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances from what is known beforehand over their SDs, and their Jacobian.
 
-        One for each unknown, then that of the soft part's share of gravity's wind-up and of friction beyond all friction.
+        One for each unknown, then those of the soft part's share of gravity's wind-up and of friction beyond all.
         The law changes where an unknown is 0; it is that of the side on which another joint is.
         """
         found: tuple[FloatArray, FloatArray] = _weigh_prior(

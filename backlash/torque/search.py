@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from backlash.torque.load import jacobian, predict, residuals
+from backlash.torque.load import Prediction, jacobian, predict, residuals
 from backlash.torque.problem import Problem
 from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
 from backlash.turns import TURN
@@ -30,8 +30,7 @@ class SearchSettings:
     # is a minimum of its own.
     neighbours: tuple[tuple[float, float, bool], ...] = (
         *product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45), (False,)),
-        (2.0, -0.8, False),
-        (3.0, -1.6, False),
+        *((2.0, -0.8, False), (3.0, -1.6, False), (-2.0, 0.8, False), (-3.0, 1.6, False)),
         *product((0.0,), (0.0, -0.3), (True,)),
     )
     start_soft_mrad: float = 0.3
@@ -105,11 +104,10 @@ def place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> 
 
 def evaluate(problem: Problem, theta: FloatArray) -> Candidate:
     """A joint with its misfit, which is infinite where the load has no periodic orbit."""
-    predicted = predict(theta, problem.compared)
-    if predicted is None:
+    found = _visit(problem, theta, None)
+    if found is None:
         return Candidate(theta, None, np.inf)
-    chi2 = _chi_squared(problem, theta, residuals(predicted, problem.compared))
-    return Candidate(theta, predicted.start, chi2)
+    return Candidate(theta, found.predicted.start, found.chi2)
 
 
 def descend_beside(problem: Problem, best: Candidate) -> list[Candidate]:
@@ -153,6 +151,28 @@ def distinct(candidates: list[Candidate], same: float) -> list[Candidate]:
 # --------------------------------------------------------------------------------------------------------- a descent
 
 
+class _Place(NamedTuple):
+    """A joint, what it predicts, what that leaves of the torque, and chi squared with the priors'."""
+
+    theta: FloatArray
+    predicted: Prediction
+    residuals: FloatArray
+    chi2: float
+
+
+def _visit(problem: Problem, theta: FloatArray, start: FloatArray | None) -> _Place | None:
+    predicted = predict(theta, problem.compared, start)
+    if predicted is None:
+        return None
+    left = residuals(predicted, problem.compared)
+    return _Place(theta, predicted, left, _chi_squared(problem, theta, left))
+
+
+def _chi_squared(problem: Problem, theta: FloatArray, left: FloatArray) -> float:
+    distances, _ = problem.prior(theta, theta)
+    return float(left @ left + distances @ distances)
+
+
 def descend(
     problem: Problem,
     begin: Candidate,
@@ -163,49 +183,41 @@ def descend(
     """Least squares by Levenberg's and Marquardt's method; the first step is no longer than a bounce of the teeth.
 
     It ends where a good step lowers chi squared by less than that share, or where twenty such steps would stay above a
-    target. Trials without a periodic orbit are taken back.
+    target. A step to where the load has no periodic orbit is taken back.
     """
-    c = problem.compared
-    now = predict(begin.theta, c, begin.start)
-    if now is None:
+    found = _visit(problem, begin.theta, begin.start)
+    if found is None:
         return begin._replace(chi2=np.inf)
-    left = residuals(now, c)
-    chi2 = _chi_squared(problem, now.theta, left)
-    damping, growth, trials, is_over = 1e-3, 2.0, 0, False
-    while not is_over:
-        by, start_by = jacobian(now, c)
-        normal, downhill = by.T @ by, by.T @ left
-        if not np.isfinite(normal).all():  # two orbits part
-            break
-        while not is_over:
-            step = _step(problem, now.theta, normal, downhill, damping, holds_delta)
-            length = float(np.linalg.norm(step / FIRST_STEP))
-            if trials == 0 and length > 1:
-                damping *= 4
-                continue
-            trials += 1
-            expected = chi2 - _chi_squared(problem, now.theta + step, left + by @ step)
-            tried = predict(now.theta + step, c, now.start + start_by @ step[:OF_CONTACT])
-            left_then = None if tried is None else residuals(tried, c)
-            gain = -np.inf
-            if left_then is not None:
-                gain = chi2 - _chi_squared(problem, tried.theta, left_then)
-            is_over = trials == SETTINGS.most_trials
-            if gain > 0:
+    here, has_moved = found, True
+    damping, growth, trials = 1e-3, 2.0, 0
+    while trials < SETTINGS.most_trials:
+        if has_moved:
+            slopes, start_slopes = jacobian(here.predicted, problem.compared)
+            normal, downhill = slopes.T @ slopes, slopes.T @ here.residuals
+            if not np.isfinite(normal).all():  # two orbits part
                 break
-            is_over |= length < 1e-5 or expected < 1e-3 * tolerance * chi2
-            damping, growth = damping * growth, 2 * growth
-        if gain > 0:
-            is_slow = gain < tolerance * chi2 or chi2 - 20 * gain > target
-            is_over |= gain > 0.25 * expected and is_slow
-            now, left, chi2 = tried, left_then, chi2 - gain
+        step = _step(problem, here.theta, normal, downhill, damping, holds_delta)
+        length = float(np.linalg.norm(step / FIRST_STEP))
+        has_moved = False
+        if trials == 0 and length > 1:
+            damping *= 4
+            continue
+        trials += 1
+        theta, start = here.theta + step, here.predicted.start + start_slopes @ step[:OF_CONTACT]
+        expected = here.chi2 - _chi_squared(problem, theta, here.residuals + slopes @ step)
+        there = _visit(problem, theta, start)
+        gain = here.chi2 - there.chi2 if there else -np.inf
+        if there and gain > 0:
+            here, has_moved = there, True
+            is_slow = gain < tolerance * here.chi2 or here.chi2 - 20 * gain > target
+            if is_slow and gain > 0.25 * expected:
+                break
             damping, growth = damping * max(1 / 3, 1 - (2 * gain / expected - 1) ** 3), 2.0
-    return Candidate(now.theta, now.start, chi2)
-
-
-def _chi_squared(problem: Problem, theta: FloatArray, left: FloatArray) -> float:
-    distances, _ = problem.prior(theta, theta)
-    return float(left @ left + distances @ distances)
+        else:
+            if length < 1e-5 or expected < 1e-3 * tolerance * here.chi2:
+                break
+            damping, growth = damping * growth, 2 * growth
+    return Candidate(here.theta, here.predicted.start, here.chi2)
 
 
 def _step(

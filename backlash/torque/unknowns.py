@@ -25,9 +25,9 @@ class Unknown(NamedTuple):
 
 
 # Joints ring at 10 to 50 Hz with damping ratios of 0.01 to 0.1 and load friction below a third of gravity. Strain wave
-# gears are softer up to a fifth of their rated torque, where they are wound up by 0.1 to 0.3 mrad, by a share K1 / K2 of
-# 0.4 to 0.8, and lose 2 to 30 % (data sheets); speeds are filtered over 0.2 to 1.5 ms, and currents low-passed at 25 Hz
-# (6 ms) or above. A torque is early by what the speed is late beyond its lag.
+# gears are softer up to a fifth of their rated torque, where they are wound up by 0.1 to 0.3 mrad, by a share K1 / K2
+# of 0.4 to 0.8, and lose 2 to 30 % (data sheets); speeds are filtered over 0.2 to 1.5 ms, and currents low-passed at
+# 25 Hz (6 ms) or above. A torque is early by what the speed is late beyond its lag.
 TABLE = (
     # The contact torque depends on these six.
     Unknown("delta_mrad", "mrad", "half of the gap", 0.0, math.inf, 0.3, 0.003),

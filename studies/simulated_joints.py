@@ -2,7 +2,7 @@
 
 Both sides rub by Coulomb, viscous and Stribeck friction, the gear loses a share of the torque that it carries,
 contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque
-comes a period late. What a bench may have besides is a `Fault`.
+comes a period late. What a joint may have besides is a `Fault`.
 """
 
 import math
@@ -65,7 +65,7 @@ class DrivenJoint(NamedTuple):
     resolution_rad: float
 
 
-class BenchLog(NamedTuple):
+class JointLog(NamedTuple):
     """Time [s], motor speed [rps] and torque in an own unit; a joint's gear ratio, J_l / (N^2 J_m) and m g r / J_l."""
 
     t: FloatArray
@@ -217,7 +217,7 @@ def draw_turns(
     friction: float = 0.03,
     loss: float = 0.0,
     fault: Fault = Fault(),  # noqa: B008
-) -> BenchLog:
+) -> JointLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
@@ -231,7 +231,7 @@ def draw_turns(
 
 def log_turns(
     rng: Generator, joint: DrivenJoint, gear_ratio: float, fault: Fault, seen: FloatArray
-) -> BenchLog:
+) -> JointLog:
     """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
@@ -242,7 +242,7 @@ def log_turns(
     v = v + v_noise * rng.standard_normal(v.size)
     torque = torque + torque_noise * rng.standard_normal(torque.size)
     count = joint.gravity * 4 / 2.0 ** rng.integers(11, 15)
-    return BenchLog(
+    return JointLog(
         every * CONTROL_S * np.arange(v.size, dtype=float),
         v * gear_ratio / TURN,
         count * np.rint(torque / count),
