@@ -305,8 +305,13 @@ else:
 # %%
 twins = workbook.read_kept("engine").dropna(subset=["nrmse"])
 engine_figure, ((axis,),) = figures.grid(height_in=2.2)
-axis.loglog(1e6 * twins["step_s"], 100 * twins["nrmse"], "o-", **figures.OURS)
-axis.set(xlabel="step of the engine [µs]", ylabel="NRMSE [%]")
+axis.plot(1e6 * twins["step_s"], 100 * twins["nrmse"], "o-", **figures.OURS)
+axis.set(
+    xlabel="step of the engine [µs]",
+    ylabel="NRMSE [%]",
+    xlim=(0, 26),
+    ylim=(0, 0.5),
+)
 finest, coarsest = (
     twins.loc[step] for step in (twins["step_s"].idxmin(), twins["step_s"].idxmax())
 )
