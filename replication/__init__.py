@@ -5,14 +5,19 @@ from collections.abc import Callable
 from typing import Any
 
 
-def njit(function: Callable) -> Any:
+def njit(function: Callable, fastmath: bool | set[str] = False) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
     import numba  # slow, and not every command computes
 
     try:
-        return numba.njit(cache=True, nogil=True)(function)
+        return numba.njit(cache=True, nogil=True, fastmath=fastmath)(function)
     except RuntimeError:  # no folder for the cache
-        return numba.njit(nogil=True)(function)
+        return numba.njit(nogil=True, fastmath=fastmath)(function)
+
+
+def in_any_order(function: Callable) -> Any:
+    """Compile sums whose terms may be added several at once, and products with their sum in one step."""
+    return njit(function, {"reassoc", "contract", "nsz"})
 
 
 def pinned_environment(machine: str = platform.machine()) -> dict[str, str]:

@@ -80,38 +80,39 @@ class State(NamedTuple):
     p_c: FloatArray
 
 
-def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constants) -> State:
+def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next distribution.
 
     Parameters
     ----------
     state : State
         The distribution that was sampled.
-    y : array of shape (population, n)
-        Steps (x_{i:lambda} - m) / sigma of the samples, the best first.
-    B, D : array of shape (n, n) and (n,)
-        Axes of C in columns, and their lengths: C = B D^2 B'.
+    z, y : array of shape (population, n)
+        Normals and steps y = B D z = (x_{i:lambda} - m) / sigma of the samples, the best first.
+    B : array of shape (n, n)
+        Axes of C in columns: C = B D^2 B', so C^(-1/2) y = B z.
     c : Constants
     """
     n = state.m.size
     step = c.weights[: c.mu] @ y[: c.mu]
     m = state.m + state.sigma * step  # equation 13
 
-    whitened = B @ (B.T @ step / D)  # C^(-1/2) times the step of the mean over sigma
+    whitened = B @ (c.weights[: c.mu] @ z[: c.mu])  # C^(-1/2) times the step
     gain = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
-    growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
-    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15, by a factor e at most
+    squared_length = p_sigma @ p_sigma
+    growth = c.c_sigma / c.d_sigma * (np.sqrt(squared_length) / c.chi_n - 1)
+    sigma = state.sigma * np.exp(min(1, growth))  # equation 15, by a factor e at most
 
     # 0, and p_c stalls, while p_sigma is much too long; else 1.
-    squared_length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
-    h_sigma = 1.0 if squared_length / n < 2 + 4 / (n + 1) else 0.0
+    stationary = squared_length / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
+    h_sigma = 1.0 if stationary / n < 2 + 4 / (n + 1) else 0.0
     gain = h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
     p_c = (1 - c.c_c) * state.p_c + gain * step  # equation 16
 
     # Where the weight is negative, a step is rescaled to the Mahalanobis length sqrt(n), that of a usual sample.
-    lengths = np.sqrt(((y[c.mu :] @ B / D) ** 2).sum(axis=1))
+    lengths = np.sqrt((z[c.mu :] ** 2).sum(axis=1))
     w = c.weights.copy()
     w[c.mu :] *= n / (lengths + 1e-9) ** 2
     delta = (1 - h_sigma) * c.c_c * (2 - c.c_c)  # the paper's delta(h_sigma)
@@ -120,6 +121,21 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     C += c.c_1 * (np.outer(p_c, p_c) + delta * state.C)
     C += c.c_mu * (w * y.T) @ y
     return State(state.g + 1, m, sigma, C, p_sigma, p_c)
+
+
+class Normals:
+    """The normal numbers of a seed, a generation after the other, drawn when they are asked for first."""
+
+    def __init__(self, seed: int, population: int, n: int):
+        self._source = np.random.RandomState(seed)
+        self._shape = (population, n)
+        self._drawn: list[FloatArray] = []
+
+    def of(self, g: int) -> FloatArray:
+        """Those of generation g, shape (population, n)."""
+        while len(self._drawn) <= g:
+            self._drawn.append(self._source.randn(*self._shape))
+        return self._drawn[g]
 
 
 class Generation(NamedTuple):
@@ -137,6 +153,7 @@ def generations(
     seed: int,
     population: int,
     eigen: Eigensolver = np.linalg.eigh,
+    normals: Normals | None = None,
 ) -> Iterator[Generation]:
     """Search from the middle of the box, with a quarter of it as standard deviations, a generation at a time.
 
@@ -152,6 +169,8 @@ def generations(
         Members lambda of a generation, at least 4.
     eigen : callable
         A seed's run depends on the signs that it gives the eigenvectors.
+    normals : Normals, optional
+        The seed's own, where several runs share them.
 
     Yields
     ------
@@ -169,23 +188,25 @@ def generations(
     if population < 4 or seed <= 0:
         raise ValueError(f"population {population}, seed {seed}: at least 4 and 1 are needed")
     n, unit = width.size, width / 4
-    normals = np.random.RandomState(seed)
+    normals = normals or Normals(seed, population, n)
     c = constants(population, n)
     C = np.diag(np.exp(1e-4 * np.arange(n) / n))  # nearly the identity, with an order
     m = from_box((box.lower + box.upper) / 2, box) / unit
     state = State(0, m, 1.0, C, np.zeros(n), np.zeros(n))
+    bounds = (*box, *margins(box))
     while True:
         squares, B = eigen((state.C + state.C.T) / 2)
         D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))  # rounding may leave a square below 0
-        y = normals.randn(population, n) @ (B * D).T
+        z = normals.of(state.g)
+        y = z @ (B * D).T
         x = state.m + state.sigma * y  # equation 12
-        members = into_box(x * unit, box)
+        members = _into_box(x * unit, *bounds)
         costs = misfits(members)
         if costs.shape != (population,) or not np.isfinite(costs).all():
             raise ValueError(f"generation {state.g + 1}: each member needs one finite misfit")
         yield Generation(state, D, members, costs)
-        ranked = y.take(np.argsort(costs, kind="stable"), axis=0)
-        state = update(state, ranked, B, D, c)
+        ranks = np.argsort(costs, kind="stable")
+        state = update(state, z.take(ranks, axis=0), y.take(ranks, axis=0), B, c)
 
 
 class Search(NamedTuple):
@@ -212,7 +233,7 @@ def search(steps: Iterator[Generation], iterations: int) -> Search:
             best = Search(now.members[k], float(now.misfits[k]), 0)
         population, n = now.members.shape
         recent = history[-10 - 30 * n // population :]
-        alike = len(recent) >= 10 and np.ptp(recent) < 1e-11
+        alike = len(recent) >= 10 and max(recent) - min(recent) < 1e-11
         if alike or now.D[-1] > 1e7 * now.D[0] or len(history) >= iterations:
             break
     return best._replace(generations=len(history))
