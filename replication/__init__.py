@@ -5,19 +5,14 @@ from collections.abc import Callable
 from typing import Any
 
 
-def njit(function: Callable, fastmath: bool | set[str] = False) -> Any:
+def njit(function: Callable) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
     import numba  # slow, and not every command computes
 
     try:
-        return numba.njit(cache=True, nogil=True, fastmath=fastmath)(function)
+        return numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:  # no folder for the cache
-        return numba.njit(nogil=True, fastmath=fastmath)(function)
-
-
-def in_any_order(function: Callable) -> Any:
-    """Compile sums whose terms may be added several at once, and products with their sum in one step."""
-    return njit(function, {"reassoc", "contract", "nsz"})
+        return numba.njit(nogil=True)(function)
 
 
 def pinned_environment(machine: str = platform.machine()) -> dict[str, str]:

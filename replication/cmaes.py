@@ -80,39 +80,38 @@ class State(NamedTuple):
     p_c: FloatArray
 
 
-def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constants) -> State:
+def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next distribution.
 
     Parameters
     ----------
     state : State
         The distribution that was sampled.
-    z, y : array of shape (population, n)
-        Normals and steps y = B D z = (x_{i:lambda} - m) / sigma of the samples, the best first.
-    B : array of shape (n, n)
-        Axes of C in columns: C = B D^2 B', so C^(-1/2) y = B z.
+    y : array of shape (population, n)
+        Steps (x_{i:lambda} - m) / sigma of the samples, the best first.
+    B, D : array of shape (n, n) and (n,)
+        Axes of C in columns, and their lengths: C = B D^2 B'.
     c : Constants
     """
     n = state.m.size
     step = c.weights[: c.mu] @ y[: c.mu]
     m = state.m + state.sigma * step  # equation 13
 
-    whitened = B @ (c.weights[: c.mu] @ z[: c.mu])  # C^(-1/2) times the step
+    whitened = B @ (B.T @ step / D)  # C^(-1/2) times the step of the mean over sigma
     gain = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
-    squared_length = p_sigma @ p_sigma
-    growth = c.c_sigma / c.d_sigma * (np.sqrt(squared_length) / c.chi_n - 1)
-    sigma = state.sigma * np.exp(min(1, growth))  # equation 15, by a factor e at most
+    growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
+    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15, by a factor e at most
 
     # 0, and p_c stalls, while p_sigma is much too long; else 1.
-    stationary = squared_length / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
-    h_sigma = 1.0 if stationary / n < 2 + 4 / (n + 1) else 0.0
+    squared_length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
+    h_sigma = 1.0 if squared_length / n < 2 + 4 / (n + 1) else 0.0
     gain = h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
     p_c = (1 - c.c_c) * state.p_c + gain * step  # equation 16
 
     # Where the weight is negative, a step is rescaled to the Mahalanobis length sqrt(n), that of a usual sample.
-    lengths = np.sqrt((z[c.mu :] ** 2).sum(axis=1))
+    lengths = np.sqrt(((y[c.mu :] @ B / D) ** 2).sum(axis=1))
     w = c.weights.copy()
     w[c.mu :] *= n / (lengths + 1e-9) ** 2
     delta = (1 - h_sigma) * c.c_c * (2 - c.c_c)  # the paper's delta(h_sigma)
@@ -197,16 +196,15 @@ def generations(
     while True:
         squares, B = eigen((state.C + state.C.T) / 2)
         D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))  # rounding may leave a square below 0
-        z = normals.of(state.g)
-        y = z @ (B * D).T
+        y = normals.of(state.g) @ (B * D).T
         x = state.m + state.sigma * y  # equation 12
         members = _into_box(x * unit, *bounds)
         costs = misfits(members)
         if costs.shape != (population,) or not np.isfinite(costs).all():
             raise ValueError(f"generation {state.g + 1}: each member needs one finite misfit")
         yield Generation(state, D, members, costs)
-        ranks = np.argsort(costs, kind="stable")
-        state = update(state, z.take(ranks, axis=0), y.take(ranks, axis=0), B, c)
+        ranked = y.take(np.argsort(costs, kind="stable"), axis=0)
+        state = update(state, ranked, B, D, c)
 
 
 class Search(NamedTuple):

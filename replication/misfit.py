@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from replication import in_any_order, njit
+from replication import njit
 from replication.signature import FloatArray, Timing, rmse
 
 
@@ -66,57 +66,43 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
 def sum_windows(members, record):
     """Sums of w^2, w (v - mean) and w over a record, with w the signature of A = 1; shape (3, members)."""
     sums = np.empty((3, len(members)))
-    buffer = np.empty(max(record.size, 16))
+    buffer = np.empty(record.size)
     for p in range(len(members)):
         _, t0, tau, omega, _, T2, T1 = members[p]
         start = (t0 - record.t0) / record.dt
         first = max(int(np.ceil(start + T1 / record.dt)), 0)
         last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
-        size = max(last + 1 - first, 0)
         # u is one window; all others are its copies.
-        u = buffer[: max(size, 16)]
+        u = buffer[: max(last + 1 - first, 0)]
         fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
-        u, seen = u[:size], slice(first, first + size)
-        square, product, total = weigh(
-            u, record.both_count[seen], record.signed_sum[seen], record.signed_count[seen]
-        )
+        square = product = total = 0.0
+        for k in range(u.size):
+            square += record.both_count[first + k] * u[k] ** 2
+            product += record.signed_sum[first + k] * u[k]
+            total += record.signed_count[first + k] * u[k]
         # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
-        for k in range(record.half, size):
+        for k in range(record.half, u.size):
             square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
-        for k in range(record.turn - record.half, size):
+        for k in range(record.turn - record.half, u.size):
             square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
         sums[0, p], sums[1, p], sums[2, p] = square, product, total
     return sums
 
 
-@in_any_order
-def weigh(u, count, signed_sum, signed_count):
-    """Sums of w^2, w (v - mean) and w over a record, as sums over one window."""
-    square = product = total = 0.0
-    for k in range(u.size):
-        square += count[k] * u[k] * u[k]
-        product += signed_sum[k] * u[k]
-        total += signed_count[k] * u[k]
-    return square, product, total
-
-
 @njit
 def fill_oscillation(u, since, T1, tau, omega, dt):
-    """Equation 5 with A = 1 in even samples, 16 or more, the first of them `since` after the instant t0."""
+    """Equation 5 with A = 1 in evenly spaced samples, the first of them `since` after the instant t0."""
     # exp(-(t - T1) tau) sin(omega t) is the imaginary part of a wave that each sample multiplies by the same factor.
     wave = np.exp(-(since - T1) * tau + 1j * omega * since)
     factor = np.exp((1j * omega - tau) * dt)
-    factor_2 = factor * factor
-    factor_4 = factor_2 * factor_2
-    factor_8 = factor_4 * factor_4
-    for k, early in enumerate((wave, wave * factor, wave * factor_2, wave * factor * factor_2)):
-        late = early * factor_4
-        u[k] = early.imag
-        u[k + 4] = late.imag
-        u[k + 8] = (early * factor_8).imag
-        u[k + 12] = (late * factor_8).imag
+    for k in range(min(u.size, 16)):
+        u[k] = wave.imag
+        wave *= factor
     # So u_k = a u_(k - 8) + b u_(k - 16): eight samples do not depend on each other, and are computed at once.
-    a, b = 2 * factor_8.real, -(factor_8.real**2 + factor_8.imag**2)
+    factor *= factor
+    factor *= factor
+    factor *= factor
+    a, b = 2 * factor.real, -(factor.real**2 + factor.imag**2)
     for k in range(16, u.size):
         u[k] = a * u[k - 8] + b * u[k - 16]
 

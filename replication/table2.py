@@ -164,7 +164,7 @@ def best_fit(recording: Recording, settings: SearchSettings = NOTEBOOK) -> Fit:
     def misfits(shapes: FloatArray) -> FloatArray:
         return project(np.clip(shapes, *shapes_box), record, box.upper[0])[1]
 
-    run = search(generations(misfits, shapes_box, 1, 300), settings.iterations)
+    run = search(generations(misfits, shapes_box, 1, 600), settings.iterations)
     shape = run.best
     better = True
     while better:  # by a thousandth: basins that differ by less are one, see `BASIN_GAP`
