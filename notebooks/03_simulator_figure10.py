@@ -309,8 +309,8 @@ axis.plot(1e6 * twins["step_s"], 100 * twins["nrmse"], "o-", **figures.OURS)
 axis.set(
     xlabel="step of the engine [µs]",
     ylabel="NRMSE [%]",
-    xlim=(0, 26),
-    ylim=(0, 0.5),
+    xlim=(0, None),
+    ylim=(0, None),
 )
 finest, coarsest = (
     twins.loc[step] for step in (twins["step_s"].idxmin(), twins["step_s"].idxmax())

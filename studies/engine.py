@@ -420,7 +420,7 @@ def describe_arms(rows: DataFrame) -> str:
     return (
         f"simulated arm: A rises with the play of the turning joint on {rises} of {len(A)} arms (by {gain.min():.2f} "
         f"to {gain.max():.2f} rps at {1e3 * max(ARM_PLAYS_RAD)[0]:g} mrad), shoulder's and elbow's play moves it by "
-        f"{other:.3f} rps at most, but without any play A is {A['none'].min():.1f} to {A['none'].max():.1f} rps: it "
+        f"{other:.1g} rps at most, but without any play A is {A['none'].min():.1f} to {A['none'].max():.1f} rps: it "
         f"tells a change on one robot, no backlash; by torque {sheet['answered']} of {sheet['joints']} logs with play "
         f"are answered and {sheet['wrong']} of {len(arms)} wrong"
     )
