@@ -43,13 +43,15 @@ import pandas as pd
 from scipy.signal import find_peaks
 
 import workbook
-from replication import figures, published, table2
+from replication import claims, figures, published, table2
 from replication.joint import change, identified_joint, numbers_of, ratios, settled_peak, simulate
 from replication.records import (
+    CLEAN_LEVELS,
     LOW_NOISE,
     NOISY_LEVELS,
     level_delta_rad,
     load_clean,
+    load_clean_records,
     load_noisy,
     noise_half_amplitude_rps,
 )
@@ -228,18 +230,8 @@ cells = {f"table2.row{row:02d}.noise": a for row, a in enumerate(noise["measured
     "text.impacts_per_turn": risen.size,
     "text.half_turn": lag / TURN,
 }
-claims = {
-    "two_impacts": (
-        published.decide("two_impacts", float(alternate)),
-        "record 12: the largest excursion "
-        + ("changes" if alternate else "does not change")
-        + " its sign from each settled half turn to the next",
-    ),
-    "half_turn": (
-        published.decide("half_turn", mismatch),
-        f"record 12, inverted and half a turn later, differs by {100 * mismatch:.1f} % of its SD",
-    ),
-}
+clean = claims.measure_records(load_clean_records(CLEAN_LEVELS))
+decided = published.decide_all(claims.measure_disturbance(clean))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 step = peaks["amplitude_rps"].diff()
@@ -257,7 +249,7 @@ workbook.verdict(
     f"half of a turn is the first one inverted within {100 * mismatch:.1f} % of the SD. In figure 5 the largest "
     f"settled sample is {(v_n[speed.t >= T_f] - v_t).max():.3f} rps.",
     cells,
-    claims,
+    decided,
 )
 
 # %% [markdown]

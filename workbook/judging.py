@@ -134,15 +134,22 @@ def verdicts(results: Path) -> pd.DataFrame:
 
 
 def claims(results: Path) -> pd.DataFrame:
-    """The paper's claims in words with their verdicts: `id, claim, section, verdict, measured, notebook`.
+    """The paper's sentences with their verdicts: `id, of, quote, reading, section, verdict, measured, notebook`.
 
     Of a claim that no notebook can decide, `claims.csv` says why: it is undecided.
+
+    Raises
+    ------
+    ValueError
+        Two notebooks decide the same claim.
     """
     untested = published.table("claims")["untested"].replace("", "no notebook decided it")
-    table = published.table("claims")[["claim", "section"]]
+    table = published.table("claims")[["of", "quote", "reading", "section"]]
     table = table.assign(verdict=CLAIM_VERDICTS[None], measured=untested, notebook="")
     for name, outcome in load_outcomes(results).items():
         for row in outcome["claims"]:
+            if table.loc[row["id"], "notebook"]:
+                raise ValueError(f"{row['id']}: decided by two notebooks")
             decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]
             table.loc[row["id"], ["verdict", "measured", "notebook"]] = decided
     return table.reset_index()
