@@ -38,8 +38,8 @@ help:  ## list the targets
 # make from ending well. Each run watches this make, and none starts without it: killed in whatever way, it leaves
 # nothing that computes.
 all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@$(WRITABLE); export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
-	$(MAKE_LIVES) && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
+	@$(WRITABLE); $(PY) -I workbook/stamps.py; export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
+	$(MAKE_LIVES) && $(MAKE) --no-print-directory .make/report.ran || status=1; exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
 	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
@@ -123,21 +123,27 @@ clean:  ## remove what can be made again and is not committed
 	@{ $(UV) --group $* $(WHILE_MAKE_LIVES); } || { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
 	@$(STAMP)
 
-# A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
-# stamp; none is made where the authors' files could not be had.
+# A notebook is due when this checkout has not run it yet, when what it made is no longer as it was, or when it, a
+# package or a kept table that it reads has changed since. `run` makes its stamp; none is made where the authors' files
+# could not be had.
 PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
-BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
+BEYOND := $(wildcard backlash/*.py backlash/*/*.py backlash/data/* studies/*.py studies/*/*.py studies/*.csv)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
 	@$(MAKE_LIVES) && $(RUN) run $<
 .make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
 	@$(MAKE_LIVES) && $(RUN) run $<
 
+# NAME.py that reads results/TABLE.csv makes this a prerequisite of .make/NAME.ran.
+READERS := $(wildcard notebooks/*.py notebooks/*/*.py) workbook/report.py
+$(foreach rule,$(shell grep -oE 'kept_table."[a-z0-9_]+"|read_kept."[a-z0-9_]+"|read_realisations' $(READERS) /dev/null | \
+  sed -E 's|read_realisations|."table2_realisations"|; s|.*/(.*)\.py:.*"(.*)"|.make/\1.ran:results/\2.csv|'),$(eval $(rule)))
+results/%.csv:
+	@echo '$@ is missing; git checkout brings it back, or make studies' >&2; exit 2
+
 NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
 ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)
 STAMPS := $(patsubst %,.make/%.ran,$(filter $(NOTEBOOKS),$(ORDER)) $(filter-out $(ORDER),$(NOTEBOOKS)))
 
-.make/report.made: $(wildcard results/*.csv results/*/*.csv results/outcomes/*.json results/offline/results/outcomes/*.json workbook/*.*) replication/data/cells.csv
-	@mkdir -p .make
+.make/report.ran: $(wildcard results/*.csv results/outcomes/*.json workbook/*.*) $(PACKAGES)
 	$(RUN) report
 	$(RUN) check || true
-	@touch $@

@@ -13,18 +13,13 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 _MODULE_OF = {
-    "Calibration": "calibration",
     "Estimate": "estimates",
     "Log": "reading.prepare",
     "Reason": "refusals",
     "Refusal": "refusals",
-    "Trend": "trends",
-    "calibrate": "estimates",
     "estimate": "estimates",
     "estimate_many": "batch",
     "read_log": "estimates",
-    "trend": "trends",
-    "trend_many": "trends",
 }
 __all__ = list(_MODULE_OF)
 

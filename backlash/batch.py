@@ -1,4 +1,4 @@
-"""Many logs on all cores: a table of them, resumable, no bad file stops the rest; and a trend for each joint."""
+"""Many logs on all cores: a table of them, resumable, no bad file stops the rest."""
 
 import json
 import os
@@ -37,7 +37,7 @@ def estimate_many(
     logs : sequence of logs, DataFrame, or path of a CSV table
         Logs as `estimate` takes them, or a table of their files with what is given of each: column `file` (in a file
         relative to it), and `joint`, `date`, and keywords of `estimate`, like `gear_ratio`, `torque`, `inertia_ratio`,
-        `gravity_per_s2`, `calibration`. What a row leaves empty is taken from `given`.
+        `gravity_per_s2`. What a row leaves empty is taken from `given`.
     jobs : int
         Processes; -1 for all cores where that is worth it.
     **given

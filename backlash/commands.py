@@ -1,4 +1,4 @@
-"""The virtual sensor's commands: `estimate`, `calibrate` and `trend`."""
+"""The virtual sensor's command `estimate`."""
 
 import argparse
 import json
@@ -12,14 +12,13 @@ from typing import Any
 from backlash import estimates
 from backlash.estimates import Estimate
 from backlash.options import Exit
-from backlash.plant import Batch, find_logs, listed_logs, read_batch
-from backlash.reading.columns import numbers
-from backlash.reading.sources import STDIN, naming
+from backlash.plant import Batch, find_logs, read_batch
+from backlash.reading.sources import STDIN
 from backlash.refusals import Refusal, library
 from backlash.settings import GIVEN
-from replication.records import write_bytes, write_csv, write_text
+from replication.files import write_bytes, write_csv
 
-_OURS = (b"total_play_high_rad", b'"uncertainty_rad"')  # in what --out writes
+_OURS = b"total_play_high_rad"  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
 
 
@@ -50,18 +49,18 @@ def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | Non
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file is a table or a calibration that --out wrote, by its start and its end."""
+    """Whether a file is a table that --out wrote, by its start and its end."""
     content = path.read_bytes()
-    return any(mark in content[: 2**16] + content[-(2**16) :] for mark in _OURS)
+    return _OURS in content[: 2**16] + content[-(2**16) :]
 
 
 def _as_json(content: object, indent: int | None = 1) -> str:
     return json.dumps(content, indent=indent, allow_nan=False)
 
 
-def run_estimate(options: argparse.Namespace) -> int:
-    """Print or write what logs tell of their backlash."""
-    inputs = (*options.log, options.batch, options.calibration)
+def run(options: argparse.Namespace) -> int:
+    """Print or write what logs tell of their backlash; returns the exit status."""
+    inputs = (*options.log, options.batch)
     _check_output(options.plot, _FIGURES, *inputs)
     _check_output(options.out, (".csv", ".parquet"), *inputs)
     if bool(options.log) == bool(options.batch):
@@ -146,48 +145,3 @@ def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
     from backlash import plots
 
     plots.save_figure(plots.estimate_figure(answer), folder / name)
-
-
-def run_calibrate(options: argparse.Namespace) -> int:
-    """Make a calibration file."""
-    _check_output(options.out, (".json",), options.table)
-    logs, table = listed_logs(options.table, "log", "backlash_rad")
-    with naming(str(options.table)):
-        delta_rad = numbers(table, "backlash_rad").tolist()
-    made = estimates.calibrate(logs, delta_rad, **_given(options))
-    write_text(options.out, made.to_json())
-    low, high, spread = (1e3 * part for part in (*made.range_rad, made.uncertainty_rad))
-    print(
-        f"{options.out}: {low:.3f} to {high:.3f} mrad, uncertainty {spread:.4f} mrad (RMS error at levels left out); "
-        "it holds for this joint's stiffness and drive, in this movement"
-    )
-    return 0
-
-
-def run_trend(options: argparse.Namespace) -> int:
-    """Print how the backlash grows."""
-    _check_output(options.plot, _FIGURES, *options.log, options.calibration, options.dates)
-    from backlash import trends
-
-    grown = trends.trend(
-        find_logs(options.log),
-        options.dates,
-        limit_rad=options.limit_rad,
-        relative=options.relative,
-        jobs=options.jobs,
-        **_given(options),
-    )
-    if options.plot:
-        from backlash import plots
-
-        plots.save_figure(plots.trend_figure(grown), options.plot)
-    print(_as_json(grown.to_dict()) if options.json else grown)
-    return 0
-
-
-_RUN = {"estimate": run_estimate, "calibrate": run_calibrate, "trend": run_trend}
-
-
-def run(options: argparse.Namespace) -> int:
-    """Run the command that was asked for; returns its exit status."""
-    return _RUN[options.command](options)

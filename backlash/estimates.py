@@ -1,6 +1,5 @@
 """From a log to its answer: the backlash, none, or why that cannot be told."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -8,14 +7,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from backlash import __version__, turns
-from backlash.calibration import Calibration, fit_calibration
+from backlash.load_data import LoadData
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, one_line
-from backlash.settings import AMPLITUDE, TORQUE, Settings, settings_for
+from backlash.settings import Settings, settings_for
 from backlash.torque import fit_torque
 from replication.signature import FloatArray
 
+TORQUE, AMPLITUDE = "torque", "amplitude"
 BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
 
 
@@ -38,9 +38,9 @@ class Estimate:
     explanation: str = ""  # a sentence
     backlash_rad: float | None = None  # half of the play: the teeth are free over twice that
     backlash_interval_rad: tuple[float, float] | None = None  # 95 %
-    amplitude_rps: float | None = None  # A of the signature, of methods without a torque
+    amplitude_rps: float | None = None  # A of the signature, of method amplitude
     amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
-    method: str = AMPLITUDE
+    method: str = AMPLITUDE  # or "torque"
     chi_squared: float | None = None  # per compared number; about 1 where model and noise are right
     # By the torque: stiffness K_s / J_l, damping ratio, the half as stiff part beyond the gap, load friction over
     # gravity, loss, gravity m g r / J_l, inertia ratio, motor inertia in the torque's unit, the torque's delay and
@@ -53,7 +53,6 @@ class Estimate:
     columns: str = ""  # that were read, with their units
     notes: tuple[str, ...] = ()  # what was done and assumed
     sha256: str | None = None  # of the log file's bytes
-    calibration: str = ""  # what it was made from
     trace: Trace | None = field(default=None, compare=False, repr=False)
 
     def without(self, refusal: Refusal) -> "Estimate":
@@ -152,7 +151,7 @@ def read_log(log: object, v: ArrayLike | None = None, **given: Any) -> Log:
     >>> print(log.recording.v.size, round(log.recording.turn_period_s, 4))
     2401 0.4
     """
-    form = settings_for(log, {"method": None, **given}).form
+    form = settings_for(log, given).form
     return open_log(log, form, v, given.get("torque"))
 
 
@@ -173,11 +172,7 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
         `inertia_ratio`, J_l / (N^2 J_m), and `gravity_per_s2`, m g r / J_l, of the load, or `gear_ratio`,
         `motor_inertia_kgm2`, `load_mass_kg`, `load_arm_m`, and `load_inertia_kgm2` about the joint's axis if the load
         is no point; `inertia_sd` (0.1) and `gravity_sd` (0.05) are relative SDs.
-    calibration : Calibration or path, optional
-        Of your joint: method "waveform".
-    method : str, optional
-        "torque", "waveform" (without a calibration that of the paper's joint, an example) or "amplitude"; by default
-        the first that the rest allows. "amplitude" gives the paper's index A, never a backlash.
+        Without a torque there is no backlash, but the paper's index A.
     **given
         `time`, `speed`, `position` (columns), `unit`, `counts_per_turn`, `rate_hz`, `commanded_speed_rps`, `start_s`,
         `end_s`, `trust_period`: as the command line's options.
@@ -192,7 +187,7 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
     Raises
     ------
     Refusal
-        The log, the calibration or what is given of them cannot be used.
+        The log or what is given of it cannot be used.
 
     Examples
     --------
@@ -208,20 +203,17 @@ def examine(
     log: object, settings: Settings, v: ArrayLike | None = None, torque: ArrayLike | None = None
 ) -> Estimate:
     """Answer for a log, wherever it comes from."""
-    calibration = settings.calibration.provenance if settings.calibration else ""
     answer = Estimate(
-        name_of(log), method=settings.method, calibration=calibration, arm_m=settings.arm_m
+        name_of(log), method=TORQUE if settings.load else AMPLITUDE, arm_m=settings.arm_m
     )
     try:
         read = open_log(log, settings.form, v, torque)
         answer = _with_log(answer, read, settings)
         read = _with_own_period(read)
         answer = _with_log(answer, read, settings)
-        if settings.method == TORQUE:
-            return _answer_by_torque(read, settings, answer)
-        from backlash import by_speed  # with libraries that the torque does not need
-
-        return by_speed.ANSWERS[settings.method](read, settings, answer)
+        if settings.load:
+            return _answer_by_torque(read, settings.load, answer)
+        return _answer_by_amplitude(read, answer)
     except Refusal as refusal:
         if refusal.is_unusable:
             raise
@@ -285,19 +277,19 @@ def _with_own_period(log: Log) -> Log:
     return replace(log, recording=own, notes=(*log.notes, note))
 
 
-def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimate:
+def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
-    if log.torque is None or settings.load is None:
+    if log.torque is None:
         raise Refusal("the log was read without its torque: give torque to read_log")
-    fit = fit_torque(log.recording, log.torque, settings.load)
+    fit = fit_torque(log.recording, log.torque, load)
     if fit.is_none and log.is_links_side:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
             Reason.JOINTS_SIDE,
         )
     notes = answer.notes
-    if settings.load.motor_inertia_kgm2:
-        unit = settings.load.motor_inertia_kgm2 / fit.joint["motor_inertia"][0]
+    if load.motor_inertia_kgm2:
+        unit = load.motor_inertia_kgm2 / fit.joint["motor_inertia"][0]
         notes += (
             f"the torque's unit is {unit:.3g} N m (of a current: the torque constant): right?",
         )
@@ -313,41 +305,22 @@ def _answer_by_torque(log: Log, settings: Settings, answer: Estimate) -> Estimat
     )
 
 
-def calibrate(logs: Sequence[object], delta_rad: Sequence[float], **given: Any) -> Calibration:
-    """Calibrate on logs of one joint in one movement; other parameters are those of `estimate`.
+def _answer_by_amplitude(log: Log, answer: Estimate) -> Estimate:
+    """The paper's index of the speed, where there is no torque to tell the backlash."""
+    from backlash.amplitude import measure_amplitude  # with a search that the torque does not need
 
-    Parameters
-    ----------
-    logs : sequence of logs
-        Paths, tables, or what `read_log` returned.
-    delta_rad : sequence of float
-        Their known backlashes, half of the total play [rad]; six different ones or more.
-
-    Returns
-    -------
-    Calibration
-        With its `uncertainty_rad` and `range_rad`; `to_json` gives the text of its file.
-
-    Raises
-    ------
-    Refusal
-        A log cannot be used, there are too few levels, several movements, a negative backlash, no monotonic relation,
-        or the uncertainty is more than a quarter of the range.
-
-    Examples
-    --------
-    >>> import backlash
-    >>> own = backlash.calibrate(logs, known_rad, turn_period_s=0.4)
-    >>> print(own.range_rad)
-    (0.0004, 0.0016)
-    """
-    recordings = []
-    for log in logs:
-        try:
-            read = open_log(log, settings_for(log, given).form)
-            recordings.append(_with_own_period(replace(read, torque=None)).recording)
-        except Refusal as refusal:
-            if refusal.is_unusable:
-                raise
-            raise Refusal(f"{name_of(log)}: no use for a calibration: {refusal}") from refusal
-    return fit_calibration(recordings, delta_rad, f"{len(recordings)} logs of this joint")
+    recording = log.recording
+    if measured := measure_amplitude(recording):
+        amplitude, half, model = measured
+        answer = replace(
+            answer,
+            amplitude_rps=amplitude,
+            amplitude_interval_rps=(max(amplitude - half, 0.0), amplitude + half),
+            trace=Trace(recording.t, recording.v, model, "motor speed [rps]"),
+        )
+    return answer.without(
+        Refusal(
+            "the speed alone gives an index of this joint in this movement, no backlash: log the torque",
+            Reason.NO_TORQUE,
+        )
+    )

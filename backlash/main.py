@@ -1,4 +1,4 @@
-"""The virtual sensor's command line: `backlash estimate`, `calibrate` and `trend`."""
+"""The virtual sensor's command line: `backlash estimate`."""
 
 import errno
 import io

@@ -32,9 +32,9 @@ _WRONG = (
     'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, a belt, an error of '
     'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Often not '
     "seen are wrong load data that fit nevertheless, and an error of the gear that is sampled too slowly: compare the "
-    "printed stiffness, efficiency and friction with the data sheet. "
+    'printed stiffness, efficiency and friction with the data sheet. Without a torque the answer is "no torque", with '
+    "the paper's index A: compare it only with logs of the same joint in the same movement. "
 )
-_FIGURE = "write a figure: .png, .svg or .pdf"
 _TORQUE = (
     "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
     "and --gravity. An error of the gravity is one of the backlash: give both as well as they are known, with their "
@@ -45,7 +45,6 @@ _SIDES = (
     "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log "
     "is never told to have no backlash, for the load's side hardly shows it."
 )
-_SPEED = "Where there is no torque: a calibration of this joint, or else the paper's index, A, for trends."
 
 
 class Exit(IntEnum):
@@ -71,37 +70,20 @@ def _path(text: str) -> Path:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The commands `estimate`, `calibrate` and `trend`."""
+    """The command `estimate`."""
     whole: argparse.ArgumentParser = _OneLineParser(
         prog="backlash", description=_ABOUT, epilog=_STATUS
     )
     whole.add_argument("--version", action="version", version=__version__)
     commands = whole.add_subparsers(required=True, dest="command", metavar="COMMAND")
-    log = argparse.ArgumentParser(add_help=False)
-    _add_movement(log)
-    _add_columns(log)
-    load = argparse.ArgumentParser(add_help=False)
-    _add_torque(load)
-    _add_speed(load)
-    load.add_argument("--jobs", type=int, default=-1, help="processes (default: all cores)")
     estimate = commands.add_parser(
         "estimate",
-        parents=[load, log],
         help="backlash (half of the play) from logs of the motor encoder and torque",
         description=f"{_ABOUT} {_EXAMPLE}",
         epilog=_WRONG + _STATUS,
     )
-    _add_answers(estimate)
-    _add_calibrate(
-        commands.add_parser(
-            "calibrate", parents=[log], help="a calibration from logs of known backlash"
-        )
-    )
-    _add_trend(
-        commands.add_parser(
-            "trend", parents=[load, log], help="growth of the backlash, and when it crosses a limit"
-        )
-    )
+    for add in (_add_answers, _add_torque, _add_movement, _add_columns):
+        add(estimate)
     return whole
 
 
@@ -135,7 +117,12 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
         metavar="TABLE",
         help="write a table, one row per log: .csv or .parquet; interrupted, the same command goes on",
     )
-    add("--plot", type=_path, metavar="FILE", help=f"of the one log {_FIGURE}")
+    add(
+        "--plot",
+        type=_path,
+        metavar="FILE",
+        help="write a figure of the one log: .png, .svg or .pdf",
+    )
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
     _add_numbers(group, arm_m="give half of the play in mm at this arm, too")
     add(
@@ -144,34 +131,9 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
         metavar="TABLE",
         help="CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, "
         "torque, inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
-        "calibration, ...",
+        "...",
     )
-
-
-def _add_calibrate(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add(
-        "table",
-        type=_path,
-        help="CSV with the columns log (its file) and backlash_rad (half of the play), six different ones or more",
-    )
-    add("--out", type=_path, required=True, metavar="FILE", help="the calibration, .json")
-
-
-def _add_trend(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument
-    add("log", nargs="+", type=_path, help="logs or folders, dates in their names, like 2024-03-17")
-    add("--dates", type=_path, metavar="TABLE", help="CSV with the columns file and date instead")
-    _add_numbers(
-        command, limit_rad="the backlash (half of the play) whose date is wanted: 0.001 for 1 mrad"
-    )
-    add(
-        "--relative",
-        action="store_true",
-        help="growth of the oscillation's amplitude in percent, for a joint whose backlash cannot be told",
-    )
-    add("--json", action="store_true", help="print an object")
-    add("--plot", type=_path, metavar="FILE", help=_FIGURE)
+    add("--jobs", type=int, default=-1, help="processes (default: all cores)")
 
 
 def _add_torque(command: argparse.ArgumentParser) -> None:
@@ -191,15 +153,6 @@ def _add_torque(command: argparse.ArgumentParser) -> None:
         gravity_per_s2="m g r/J_l; 9.81/r of a point at r [m]",
         inertia_sd="relative SD of the inertia ratio (0.1)",
         gravity_sd="relative SD of the gravity (0.05)",
-    )
-
-
-def _add_speed(command: argparse.ArgumentParser) -> None:
-    add = command.add_argument_group("by the speed alone", _SPEED).add_argument
-    add("--calibration", type=_path, metavar="FILE", help="of your joint, see `backlash calibrate`")
-    add(
-        "--method",
-        help="torque (default with --torque), waveform (with --calibration), else amplitude",
     )
 
 

@@ -4,14 +4,12 @@ import io
 import os
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import pandas as pd
 
-from backlash.calibration import read_calibration
 from backlash.reading.sources import MOST_TABLE_BYTES, name_of, naming, read_bytes
 from backlash.reading.tables import decoded
 from backlash.refusals import Refusal
@@ -20,8 +18,7 @@ from backlash.settings import GIVEN, Settings, settings_for
 TableOfLogs: TypeAlias = pd.DataFrame | str | PathLike[str]
 KEYS = ["joint", "date"]
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
-_TEXTS = {"file", "log", "joint", "time", "speed", "position", "torque", "unit", "time_unit"}
-_TEXTS |= {"calibration", "method"}
+_TEXTS = {"joint", "time", "speed", "position", "torque", "unit", "time_unit"}
 _TRUTHS = {"yes": True, "true": True, "y": True, "1": True}
 _TRUTHS |= {"no": False, "false": False, "n": False, "0": False}
 
@@ -36,8 +33,6 @@ class Batch(NamedTuple):
 
 def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
-    read = cache(read_calibration)
-    given = {**given, "calibration": read(given.get("calibration"))}
     if isinstance(source, Sequence) and not isinstance(source, str):
         keys = pd.DataFrame(index=range(len(source)))
         return Batch(source, [settings_for(log, given) for log in source], keys)
@@ -45,7 +40,8 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
         )
-    logs, table = listed_logs(source, "file")
+    table = read_rows(source, "file")
+    logs = _paths_of(source, table.pop("file"))
     columns = ("file", *KEYS, *GIVEN)
     if unknown := {*table}.difference(columns):
         raise Refusal(f"{_called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
@@ -53,8 +49,6 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
             own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
-            if "calibration" in own:
-                own["calibration"] = read(own["calibration"])
             settings.append(settings_for(log, {**given, **own}))
         except Refusal as refusal:
             settings.append(Refusal(f"{_called(source)}, {Path(name_of(log)).name}: {refusal}"))
@@ -79,15 +73,11 @@ def _is_log(file: Path) -> bool:
     return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
 
 
-def listed_logs(source: TableOfLogs, column: str, *others: str) -> tuple[list[Any], pd.DataFrame]:
-    """Logs in a column of a table, and the table without it; a file's names are relative to it."""
-    table = read_rows(source, column, *others)
-    if not isinstance(source, pd.DataFrame):
-        folder = Path(source).parent
-        table[column] = table[column].fillna("")
-        for name in {column, "calibration"} & {*table}:
-            table[name] = table[name].map(lambda each: folder / each.strip(), na_action="ignore")
-    return table.pop(column).tolist(), table
+def _paths_of(source: TableOfLogs, names: pd.Series) -> list[Any]:
+    """Logs by their names, which in a file are relative to it."""
+    if isinstance(source, pd.DataFrame):
+        return names.tolist()
+    return [Path(source).parent / name.strip() for name in names.fillna("")]
 
 
 def read_rows(source: TableOfLogs, *columns: str) -> pd.DataFrame:
@@ -99,11 +89,6 @@ def read_rows(source: TableOfLogs, *columns: str) -> pd.DataFrame:
         raise Refusal(f"{_called(source)}: no column {missing[0]!r}; there are {there}")
     if table.empty:
         raise Refusal(f"{_called(source)}: no rows")
-    if "date" in columns:
-        try:
-            table["date"] = _as_dates(table["date"])
-        except ValueError as error:
-            raise Refusal(f"{_called(source)}: no dates ({error})") from error
     return table
 
 
@@ -130,12 +115,12 @@ def keys_of(table: pd.DataFrame) -> pd.DataFrame:
     if "joint" in keys:
         keys["joint"] = keys["joint"].map(escape, na_action="ignore")
     if "date" in keys:
-        keys["date"] = _as_dates(keys["date"], errors="coerce")
+        keys["date"] = _as_dates(keys["date"])
     return keys
 
 
-def _as_dates(cells: pd.Series, errors: Any = "raise") -> pd.Series:
-    return pd.to_datetime(cells, format="ISO8601", utc=True, errors=errors).dt.tz_localize(None)
+def _as_dates(cells: pd.Series) -> pd.Series:
+    return pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce").dt.tz_localize(None)
 
 
 def escape(name: object) -> str:

@@ -6,16 +6,13 @@ from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
-import pandas as pd
 from matplotlib import pyplot as plt
-from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from backlash.estimates import Estimate
 from backlash.refusals import one_line
-from backlash.trends import Trend, days_since
 from replication.figures import STYLE, in_style
-from replication.records import write_bytes
+from replication.files import write_bytes
 
 _SHOWN_TURNS = 3
 _TITLE_LETTERS = 70  # in a line
@@ -55,39 +52,4 @@ def estimate_figure(answer: Estimate) -> Figure:
     below.set(xlim=(0, t[-1]), ylim=(-reach, reach), title="(b) on the same scale")
     below.set(xlabel="time [s]", ylabel=f"residual {trace.signal[trace.signal.find('[') :]}")
     figure.legend(loc="outside lower center", ncols=2)
-    return figure
-
-
-@in_style
-def trend_figure(trend: Trend) -> Figure:
-    """Show dated estimates with the line through them, and when it crosses the limit."""
-    figure, axis = plt.subplots(figsize=(5.3, 3.4))
-    points = trend.points
-    scale, unit = trend.shown_in
-    value, low, high = (scale * points[name] for name in ("value", "low", "high"))
-    axis.errorbar(
-        points["date"], value, [value - low, high - value], fmt="ko", label="estimate, 95 %"
-    )
-    since = days_since(points["date"], trend.origin)
-    last = since[-1]
-    if trend.crossing:
-        ahead = (trend.crossing - trend.origin).days + 0.15 * np.ptp(since)
-        last = np.clip(ahead, last, last + 2 * np.ptp(since))
-    days = np.linspace(since[0], last, 200)
-    line, half = trend.band(days)
-    dates = trend.origin + pd.to_timedelta(days, unit="D")
-    axis.plot(dates, scale * line, color="C0", label="line")
-    band = scale * (line - half), scale * (line + half)
-    axis.fill_between(dates, *band, color="C0", alpha=0.15, lw=0, label="its 95 %")
-    if trend.limit_rad is not None:
-        axis.axhline(scale * trend.limit_rad, color="C3", linestyle="--", label="limit")
-        first, after = trend.crossing_interval
-        if first and after:
-            after = min(after, dates[-1])
-            axis.axvspan(first, after, color="C3", alpha=0.12, lw=0, label="crossing, 95 %")
-    name = "amplitude" if trend.is_relative else "backlash $\\delta$"
-    axis.margins(x=0.03)
-    axis.set(ylabel=f"{name} [{unit}]", ylim=(0, None))
-    axis.xaxis.set_major_formatter(ConciseDateFormatter(axis.xaxis.get_major_locator()))
-    figure.legend(loc="outside lower center", ncols=3)
     return figure

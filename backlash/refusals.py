@@ -7,7 +7,7 @@ from importlib import import_module
 from numbers import Real
 from typing import Any
 
-from replication.records import UserError
+from replication.files import UserError
 
 
 class Reason(Enum):
@@ -19,15 +19,12 @@ class Reason(Enum):
     NOT_CONSTANT_SPEED = "not constant speed"
     NOT_PERIODIC = "turns differ"
     WRONG_PERIOD = "wrong period"
-    NO_TORQUE = "no torque and no calibration"
+    NO_TORQUE = "no torque"
     NO_GRAVITY = "no gravity in the torque"
     NO_REVERSAL = "no load reversal seen"
     NO_FIT = "no joint fits"
-    NO_SIGNATURE = "no signature"
     AMBIGUOUS = "two backlashes fit"
     TOO_NOISY = "too noisy"
-    OTHER_MOVEMENT = "not the calibration's movement"
-    EXTRAPOLATED = "extrapolated calibration"
     JOINTS_SIDE = "the joint's side"
 
 

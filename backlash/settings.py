@@ -4,19 +4,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from backlash.calibration import Calibration, example_calibration, read_calibration
 from backlash.load_data import LoadData, load_from_masses
 from backlash.reading.columns import LogFormat
 from backlash.reading.prepare import Log
 from backlash.refusals import Refusal, check_positive, option_of
 
-TORQUE, WAVEFORM, AMPLITUDE = METHODS = ("torque", "waveform", "amplitude")
 _FORM = tuple(field.name for field in fields(LogFormat))
 _RATIOS = ("inertia_ratio", "gravity_per_s2")
 _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 _LOAD = (*_RATIOS, "inertia_sd", "gravity_sd", "motor_inertia_kgm2", *_MASSES)
-# Keywords of `estimate`: the log's columns and movement, its load, the method.
-GIVEN = (*_FORM, *_LOAD, "calibration", "method", "arm_m")
+# Keywords of `estimate`: the log's columns and movement, and its load.
+GIVEN = (*_FORM, *_LOAD, "arm_m")
 
 
 @dataclass(frozen=True)
@@ -24,41 +22,20 @@ class Settings:
     """How a log is read and measured."""
 
     form: LogFormat
-    method: str = AMPLITUDE
-    load: LoadData | None = None  # of method "torque"
-    calibration: Calibration | None = None  # of method "waveform"
-    is_own: bool = True  # whether the calibration is of the log's own joint
+    load: LoadData | None = None  # by which the torque tells the backlash
     arm_m: float | None = None  # at which the play is wanted in mm, too
 
 
 def settings_for(log: object, given: Mapping[str, Any]) -> Settings:
-    """Settings of a log by the keywords of `estimate`; by default the best method that these allow."""
+    """Settings of a log by the keywords of `estimate`."""
     if unknown := sorted(set(given) - set(GIVEN)):
         raise TypeError(f"no parameter {unknown[0]!r}; there are {', '.join(GIVEN)}")
     given = {name: value for name, value in given.items() if value is not None}
     arm_m = given.get("arm_m")
     check_positive(arm_m=arm_m)
     form = _form_of(log, given)
-    own = read_calibration(given.get("calibration"))
-    asked = []
-    if form.torque or not given.keys().isdisjoint(_RATIOS + _MASSES):
-        asked.append(TORQUE)
-    if own:
-        asked.append(WAVEFORM)
-    method = given.get("method", (asked or [AMPLITUDE])[0])
-    if method not in METHODS:
-        raise Refusal(f"--method {method}: there are {', '.join(METHODS)}")
-    if set(asked) - {method}:
-        raise Refusal(
-            "the torque and its load are of method torque, a calibration of method waveform: "
-            "leave out all but one"
-        )
-    if method == TORQUE:
-        return Settings(form, method, load=_load_of(form, given), arm_m=arm_m)
-    if method == WAVEFORM:
-        used = own or example_calibration()
-        return Settings(form, method, calibration=used, is_own=bool(own), arm_m=arm_m)
-    return Settings(form, arm_m=arm_m)
+    is_by_torque = form.torque or not given.keys().isdisjoint(_RATIOS + _MASSES)
+    return Settings(form, _load_of(form, given) if is_by_torque else None, arm_m)
 
 
 def _form_of(log: object, given: Mapping[str, Any]) -> LogFormat:

@@ -28,7 +28,7 @@ from replication import published, signature
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
 from replication.signature import Parameters, Timing
-from replication.table2 import BASIN_GAP, Settings, best_fit, fit
+from replication.table2 import BASIN_GAP, SearchSettings, best_fit, fit
 
 # %% [markdown]
 # ## Parameters
@@ -218,7 +218,7 @@ plot_turns(signature.h(t, example, timing))
 # parameters, and compares what it finds with the same oscillation some half periods earlier or later.
 
 # %%
-settings = Settings(population=population, amplitude_factor=1.0, timing=timing)
+settings = SearchSettings(population=population, amplitude_factor=1.0, timing=timing)
 with workbook.explain("turn_period_s", turn_period_s):
     reference = best_fit(log, settings)
 fits = [fit(log, settings, run_seed) for run_seed in range(1, runs + 1)]

@@ -228,7 +228,7 @@ runs.round(4)
 # run, and until the best minimum is found with 99 %.
 
 # %%
-pd.read_csv(workbook.ROOT / "results" / "peers.csv", index_col="search").round(3)
+workbook.read_kept("peers").set_index("search").round(3)
 
 # %% [markdown]
 # ### Table 1, from the stored runs

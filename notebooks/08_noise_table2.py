@@ -62,7 +62,7 @@ workbook.check_parameters(
 # population of 600. *Predict:* do thirty runs on one noisy record end at one $A$?
 
 # %%
-settings = replace(table2.LEADER, population=population)
+settings = replace(table2.RPM_600, population=population)
 records = table2.table2_records(sorted(set(public)))
 fits = table2.repeated_fits(records, settings, range(1, runs_each + 1))
 
@@ -201,8 +201,8 @@ regions.round(4)
 # A kept realisation can be made again: the same noise, the same seeds, the same digits. The first one of `shown_row`:
 
 # %%
-again = table2.realise(table2.LEADER, shown_row, 1)
-same = kept.query("protocol == @table2.LEADER.name and row == @shown_row and realisation == 1")
+again = table2.realise(table2.RPM_600, shown_row, 1)
+same = kept.query("protocol == @table2.RPM_600.name and row == @shown_row and realisation == 1")
 pd.concat([pd.DataFrame([again]), same]).set_axis(["made again", "kept"]).round(6)
 
 # %% [markdown]

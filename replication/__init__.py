@@ -4,11 +4,11 @@ import platform
 from collections.abc import Callable
 from typing import Any
 
-import numba
-
 
 def njit(function: Callable) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
+    import numba  # slow, and not every command computes
+
     try:
         return numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:  # no folder for the cache

@@ -1,4 +1,4 @@
-"""Records of motor speed: their type, the noise added to them (equations 18 and 19), the authors' files; files written.
+"""Records of motor speed: their type, the noise added to them (equations 18 and 19), the authors' files.
 
 The authors' files are read from the folder that the environment variable BACKLASH_DATA names, or else downloaded; each
 is verified. Where they cannot be had, whoever runs notebooks sets BACKLASH_RECORDS=simulated: then records of our own
@@ -7,10 +7,8 @@ joint take their place, which every result says.
 
 import hashlib
 import io
-import json
 import os
 import re
-import secrets
 import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -20,13 +18,11 @@ from urllib.parse import quote
 from xml.etree import ElementTree
 
 import numpy as np
-import pandas as pd
 
 from replication import published
+from replication.files import DataCorrupt, DataUnavailable
 from replication.joint import identified_joint, simulate
 from replication.signature import FloatArray
-
-ROOT = Path(__file__).resolve().parents[1]
 
 COMMANDED_SPEED_RPS = 100.0  # v_t of the paper's movement
 TURN_PERIOD_S = 0.4  # of the load in the records; Table 1 prints 0.408
@@ -38,24 +34,6 @@ RPM_PER_RPS = 60.0
 CLEAN_LEVELS = range(3, 14)
 NOISY_LEVELS = range(1, 21)
 LOW_NOISE = range(1, 6)
-
-
-class UserError(Exception):
-    """What a user can mend: the message is the one line that a command prints and a notebook shows."""
-
-    exit_status = 2
-
-    def _render_traceback_(self) -> list[str]:
-        """What Jupyter shows in place of a traceback."""
-        return [str(self)]
-
-
-class DataUnavailable(UserError):
-    """Public data cannot be downloaded, and no folder with them was named."""
-
-
-class DataCorrupt(UserError):
-    """The folder that was named, or a file of it, is not what it should be."""
 
 
 @dataclass(frozen=True)
@@ -228,36 +206,3 @@ def load_noisy(level: int, realisation: int) -> Recording:
         (name,) = (each for each in archive.namelist() if re.fullmatch(member, each))
         content = io.BytesIO(archive.read(name))
     return _authors_recording(content, f"{path}!{name}")
-
-
-# ------------------------------------------------------------------- results: written whole, or not at all
-
-FLOAT_FORMAT = "%.6g"
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file, by one rename."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # A name that nobody knows before, opened as new: no link can stand there.
-    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.write(content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file."""
-    write_bytes(path, text.encode("utf-8"))
-
-
-def write_csv(path: Path, table: pd.DataFrame) -> None:
-    """Write a table with six significant digits."""
-    write_text(path, table.to_csv(index=False, float_format=FLOAT_FORMAT, lineterminator="\n"))
-
-
-def write_json(path: Path, content: dict) -> None:
-    """Write a JSON file."""
-    write_text(path, json.dumps(content, indent=1) + "\n")

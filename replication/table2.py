@@ -16,9 +16,9 @@ from scipy import optimize
 
 from replication import published
 from replication.cmaes import Eigensolver, generations, search
+from replication.files import ROOT, write_csv
 from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import (
-    ROOT,
     RPM_PER_RPS,
     Recording,
     add_noise,
@@ -28,7 +28,6 @@ from replication.records import (
     load_clean,
     load_noisy,
     simulate_clean,
-    write_csv,
 )
 from replication.signature import MOVEMENT, Box, FloatArray, Parameters, Timing, table1_box
 
@@ -45,7 +44,7 @@ RUNS = 30  # of each record
 
 
 @dataclass(frozen=True)
-class Settings:
+class SearchSettings:
     """How a fit is run; the defaults are the authors' public notebook.
 
     The search starts from the middle of the box, with a quarter of its width as standard deviations.
@@ -61,23 +60,23 @@ class Settings:
     longest_window_s: float = 0.204  # Table 1's upper bound of T2, twice that of T1
 
 
-NOTEBOOK = Settings()
+NOTEBOOK = SearchSettings()
 # What may have given Table 2. Equation 10 takes A in rpm, Table 1 has a narrower box of A than the public notebook, and
 # comments in it say that its population was changed.
 SETTINGS = (
     NOTEBOOK,
-    Settings("rps, population 300", 300, amplitude_factor=1.0),
-    Settings("rps, population 600", 600, amplitude_factor=1.0),
+    SearchSettings("rps, population 300", 300, amplitude_factor=1.0),
+    SearchSettings("rps, population 600", 600, amplitude_factor=1.0),
     *(
-        Settings(f"rpm, population {population}", population, amplitude_factor=1.0, rpm=True)
+        SearchSettings(f"rpm, population {population}", population, amplitude_factor=1.0, rpm=True)
         for population in (300, 450, 600, 800, 1000)
     ),
 )
-LEADER = SETTINGS[5]  # rpm, population 600: what notebook 8 runs
+RPM_600 = SETTINGS[5]  # rpm, population 600: what notebook 8 runs
 # The text's protocol, which its printed means exclude.
 DRAWN_STARTS = tuple(
     replace(settings, name=f"{settings.name}, drawn start", drawn_start=True)
-    for settings in (NOTEBOOK, LEADER)
+    for settings in (NOTEBOOK, RPM_600)
 )
 
 
@@ -95,7 +94,7 @@ class Fit:
         return abs(self.X.A)
 
 
-def search_box(recording: Recording, settings: Settings) -> Box:
+def search_box(recording: Recording, settings: SearchSettings) -> Box:
     """Table 1's box for a record, as the settings have it."""
     return table1_box(
         recording.t, recording.v, settings.amplitude_factor, settings.longest_window_s
@@ -103,7 +102,7 @@ def search_box(recording: Recording, settings: Settings) -> Box:
 
 
 def fit(
-    recording: Recording, settings: Settings, seed: int, eigen: Eigensolver = np.linalg.eigh
+    recording: Recording, settings: SearchSettings, seed: int, eigen: Eigensolver = np.linalg.eigh
 ) -> Fit:
     """Fit the signature to a record as the paper does: equations 7 and 11 by equations 12 to 17.
 
@@ -111,7 +110,7 @@ def fit(
     ----------
     recording : Recording
         The record, already cut to its start sample.
-    settings : Settings
+    settings : SearchSettings
     seed : int
         Of the run, above 0.
     eigen : callable
@@ -137,7 +136,7 @@ def fit(
     return Fit(X, run.misfit / unit, run.generations)
 
 
-def best_fit(recording: Recording, settings: Settings = NOTEBOOK) -> Fit:
+def best_fit(recording: Recording, settings: SearchSettings = NOTEBOOK) -> Fit:
     """Find the least misfit in the box: the model is linear in A and v_t, so only five parameters are searched.
 
     `misfit.project` gives a shape (t0, tau, omega, T2, T1) its A and v_t. CMA-ES finds one oscillation. Half a period
@@ -255,7 +254,7 @@ def table2_records(realisations: Iterable[int]) -> list[tuple[dict, Recording]]:
 
 
 def repeated_fits(
-    records: Sequence[tuple[dict, Recording]], settings: Settings, seeds: Iterable[int]
+    records: Sequence[tuple[dict, Recording]], settings: SearchSettings, seeds: Iterable[int]
 ) -> pd.DataFrame:
     """Fit every record with every seed, on all cores.
 
@@ -342,7 +341,9 @@ REALISATIONS = ROOT / "results" / "table2_realisations.csv"
 STUDY_SEED = 2027
 
 
-def noisy_record(settings: Settings, row: int, realisation: int) -> tuple[Recording, list[int]]:
+def noisy_record(
+    settings: SearchSettings, row: int, realisation: int
+) -> tuple[Recording, list[int]]:
     """A row's record with a noise of the printed amplitude, and seeds of its runs: no other setting has the same.
 
     Row 1's clean record is not public, so our joint's takes its place.
@@ -360,7 +361,7 @@ def noisy_record(settings: Settings, row: int, realisation: int) -> tuple[Record
     return record, rng.integers(1, 2**31, RUNS).tolist()
 
 
-def realise(settings: Settings, row: int, realisation: int) -> dict[str, object]:
+def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, object]:
     """Make one row of Table 2 again: the mean and SD [rps] over thirty runs, and the best basin's share of them."""
     record, seeds = noisy_record(settings, row, realisation)
     fits = [fit(record, settings, seed) for seed in seeds]

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from replication import pinned_environment
-from replication.records import ROOT, write_csv, write_json, write_text
+from replication.files import ROOT, write_csv, write_json, write_text
 
 RESULTS = ROOT / "results"
 

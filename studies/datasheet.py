@@ -154,8 +154,7 @@ def write_page(sheet: DataFrame) -> str:
         ),
         "",
         "Limits: rings of 10 to 60 Hz; half plays below 0.05 mrad count as none; 250 samples a second or more; load "
-        "friction and losses below gravity. Strokes to and fro are not answered. A calibration (`backlash calibrate`) "
-        "holds for the stiffness and drive of its logs, and has no row here.",
+        "friction and losses below gravity. Strokes to and fro are not answered.",
         "",
     ]
     return "\n".join(lines)

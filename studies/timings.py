@@ -4,6 +4,7 @@
 minimum of a noisy record with 99 %, `results/notebook_times.csv` how long the notebooks took in `make all`.
 """
 
+import json
 from collections.abc import Callable
 from functools import partial
 from time import perf_counter
@@ -17,10 +18,11 @@ from scipy import optimize
 
 from replication import published, table2
 from replication.cmaes import generations, search
+from replication.files import ROOT, write_csv
 from replication.misfit import PROJECTED, cost, fold, project
-from replication.records import ROOT, Recording, add_noise, simulate_clean, write_csv
+from replication.records import Recording, add_noise, simulate_clean
 from replication.signature import Box, FloatArray, rmse
-from replication.table2 import BASIN_GAP, LEADER, NOTEBOOK
+from replication.table2 import BASIN_GAP, NOTEBOOK, RPM_600
 
 REPEATS = 5  # that a median is taken over
 AUTHORS_LOOP = (
@@ -138,7 +140,7 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
     five = Box(box.lower[PROJECTED], box.upper[PROJECTED])
     methods: dict[str, tuple[int, Callable[[int], float]]] = {
         "this CMA-ES, population 300": (runs, lambda k: table2.fit(record, NOTEBOOK, k).rmse),
-        "this CMA-ES, population 600": (runs, lambda k: table2.fit(record, LEADER, k).rmse),
+        "this CMA-ES, population 600": (runs, lambda k: table2.fit(record, RPM_600, k).rmse),
         "this CMA-ES on the five parameters that the projection leaves, population 600": (
             runs,
             lambda k: search(generations(projected, five, k, 600), 200).misfit,
@@ -165,9 +167,9 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
 
 def collect_notebook_times() -> pd.DataFrame:
     """Seconds of each notebook's last run here, as `make all` noted them, two at a time."""
-    stamps = sorted((ROOT / ".make").glob("*.ran"))
-    rows = [(stamp.stem, float(stamp.read_text("utf-8") or "nan")) for stamp in stamps]
-    return pd.DataFrame(rows, columns=["notebook", "seconds"]).dropna()
+    stamps = sorted((ROOT / ".make").glob("[0-9]*.ran"))
+    rows = [(stamp.stem, json.loads(stamp.read_text("utf-8"))["seconds"]) for stamp in stamps]
+    return pd.DataFrame(rows, columns=["notebook", "seconds"])
 
 
 if __name__ == "__main__":

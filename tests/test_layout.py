@@ -1,6 +1,8 @@
-"""Imports go one way: among the packages, and the paper's files in the order of reading."""
+"""Imports go one way: among the packages, and the paper's files in the order of reading; none is made too early."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,7 @@ MAY_IMPORT = {
     "studies": {"replication", "backlash"},
 }
 READ_IN_ORDER = (
-    *("published", "signature", "misfit", "cmaes", "joint", "records", "table2"),
+    *("files", "published", "signature", "misfit", "cmaes", "joint", "records", "table2"),
     *("characteristic", "identification", "bench", "figures"),
 )
 
@@ -52,3 +54,21 @@ def test_a_file_of_the_paper_imports_only_those_before_it(position):
     own, *later = READ_IN_ORDER[position:]
     names = {name.split(".")[1] for name in imported(ROOT / "replication" / f"{own}.py")}
     assert not names & {*later}
+
+
+@pytest.mark.parametrize("command", ["backlash", "workbook"])
+def test_help_loads_no_library_that_computes(command):
+    """So it is there at once, and the thread limit is set before NumPy reads it."""
+    code = f"""
+import runpy, sys
+sys.argv = ["{command}", "--help"]
+try:
+    runpy.run_module("{command}", run_name="__main__")
+except SystemExit:
+    print("loaded:", *{{"numpy", "pandas", "scipy", "numba", "matplotlib"}} & sys.modules.keys())
+"""
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.startswith("usage:")
+    assert ran.stdout.endswith("loaded:\n")

@@ -1,25 +1,32 @@
 """The workbook: runs the notebooks, compares what they export with the printed numbers, makes report and book."""
 
-import pandas as pd
+from importlib import import_module
 
-from replication.records import ROOT
-from workbook.animation import flipbook
-from workbook.judging import judge, verdict
-from workbook.outcomes import show_figure
-from workbook.parameters import ParameterError, check_answer, check_parameters, explain
+from replication.files import ROOT
 
-# What notebooks call.
-__all__ = [
-    "ROOT",
-    "ParameterError",
-    "check_answer",
-    "check_parameters",
-    "explain",
-    "flipbook",
-    "judge",
-    "show_figure",
-    "verdict",
-]
+# What notebooks call; `python -m workbook` needs none of it.
+_MODULE_OF = {
+    "ParameterError": "parameters",
+    "check_answer": "parameters",
+    "check_parameters": "parameters",
+    "explain": "parameters",
+    "flipbook": "animation",
+    "judge": "judging",
+    "read_kept": "outcomes",
+    "show_figure": "outcomes",
+    "verdict": "judging",
+}
+__all__ = ["ROOT", *_MODULE_OF]
 
-# Notebooks show tables in full.
-pd.set_option("display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200)
+
+def __getattr__(name: str) -> object:
+    """Import what a notebook calls when it is called for."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'workbook' has no attribute {name!r}")
+    import pandas as pd
+
+    # Notebooks show tables in full.
+    pd.set_option(
+        "display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200
+    )
+    return getattr(import_module(f"workbook.{_MODULE_OF[name]}"), name)

@@ -8,8 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.records import ROOT, UserError, write_json
-from workbook.outcomes import RESULTS
+from replication.files import ROOT, UserError, write_bytes, write_json
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -59,21 +58,23 @@ def run(notebook: Path) -> None:
 
 
 def report() -> None:
-    """Write the verdicts, report.md, what the results are made from, and the status in README.md."""
-    from workbook.provenance import provenance
+    """Write the verdicts, report.md, what the results are made from, and the status in README.md, all or none."""
+    from workbook.outcomes import RESULTS, refuse_missing
     from workbook.report import write_report
+    from workbook.stamps import new_stamp
 
-    print(write_report(RESULTS, ROOT / "README.md"))
-    offline = RESULTS / "offline" / "results"  # of notebooks that ran without the authors' files
-    if (offline / "outcomes").is_dir():
-        print(write_report(offline))
-    write_json(RESULTS / "provenance.json", provenance())
+    refuse_missing()
+    written = write_report(RESULTS, ROOT / "README.md")
+    write_bytes(ROOT / ".make" / "report.ran", new_stamp(ROOT, written))
+    print(written[0])
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
     from workbook import judging, report
+    from workbook.outcomes import RESULTS, refuse_missing
 
+    refuse_missing()
     verdicts = judging.verdicts(RESULTS)
     print(report.list_numbers(verdicts))
     surprises = report.find_surprises(verdicts)
@@ -84,8 +85,10 @@ def check() -> int:
 
 def verify() -> None:
     """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
+    from workbook.outcomes import RESULTS, refuse_missing
     from workbook.provenance import manifest
 
+    refuse_missing()
     path = ROOT / "verification.json"
     write_json(path, manifest(RESULTS))
     print(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 import nbformat
 from nbformat.sign import NotebookNotary
 
-from replication.records import ROOT, write_text
+from replication.files import ROOT, write_text
 from workbook.outcomes import NOTEBOOKS, notebook_sources
 
 LAB = ROOT / "lab"

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from replication.records import UserError
+from replication.files import UserError
 
 
 class ParameterError(UserError, ValueError):

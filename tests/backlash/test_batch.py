@@ -1,4 +1,4 @@
-"""Many logs: what tables say of each, workers that die, runs that go on, and a trend for each joint."""
+"""Many logs: what tables say of each, workers that die, and runs that go on."""
 
 import os
 from pathlib import Path
@@ -49,17 +49,13 @@ def examine(monkeypatch) -> Mock:
     return mock
 
 
-def test_answers_become_a_trend_for_each_joint(plant, examine):
+def test_answers_are_a_table_by_joint_and_date(plant, examine):
     answers = backlash.estimate_many(plant, **HOW, jobs=1)
     assert answers.index.names == ["joint", "date"]
     first = answers.iloc[0]
     assert first["backlash_low_rad"] == pytest.approx(4.9e-4)
     assert first["total_play_high_rad"] == pytest.approx(1.02e-3)
     assert (first["loss"], first["loss_sd"]) == (0.1, 0.02)
-    trends = backlash.trend_many(answers, limit_rad=1.5e-3)
-    assert trends["A2"].line[1] == pytest.approx(4 * trends["A1"].line[1])
-    few = backlash.trend_many(answers.iloc[:4])
-    assert str(few["A1"]) == "2 dates with an estimate; a trend needs 3 or more"
 
 
 @pytest.mark.parametrize("kind", ["csv", "semicolons", "utf-16", "parquet"])

@@ -3,7 +3,6 @@
 import json
 from unittest.mock import Mock
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -46,7 +45,7 @@ def test_a_line_of_json_has_the_name_of_its_joint_and_its_quantities(log, monkey
 def test_an_answer_is_printed_and_its_fit_drawn(log, tmp_path, capsys):
     figure = tmp_path / "fit.png"
     assert command("estimate", log, SPEED, "--plot", figure) == 0
-    assert "log the torque, or calibrate" in capsys.readouterr().out
+    assert "log the torque" in capsys.readouterr().out
     assert figure.stat().st_size > 10_000
 
 
@@ -56,32 +55,6 @@ def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_
         assert command("estimate", tmp_path, SPEED, "--out", out) == 0
     assert pd.read_csv(out)["verdict"].tolist() == ["cannot tell"]
     assert not out.with_name("answers.csv.kept").exists()
-
-
-def test_a_calibration_is_made_and_used(tmp_path, capsys):
-    known = pd.DataFrame({"backlash_rad": np.linspace(4e-4, 1.6e-3, 7)})
-    known["log"] = [
-        write(noisy(delta, seed=k), tmp_path / f"{k}.csv").name
-        for k, delta in known["backlash_rad"].items()
-    ]
-    known.to_csv(tmp_path / "known.csv", index=False)
-    own = tmp_path / "own.json"
-    assert command("calibrate", tmp_path / "known.csv", "--out", own, SPEED) == 0
-    assert "stiffness and drive" in capsys.readouterr().out
-    assert command("estimate --jsonl", tmp_path / "3.csv", "--calibration", own, SPEED) == 0
-    low, high = json.loads(capsys.readouterr().out)["backlash_interval_rad"]
-    assert low < 1e-3 < high
-
-
-def test_a_trend_of_amplitudes_needs_no_calibration(tmp_path, capsys):
-    for month, delta in enumerate((6e-4, 9e-4, 1.2e-3), 1):
-        write(noisy(delta, seed=month), tmp_path / f"axis_2024-0{month}-01.csv")
-    figure = tmp_path / "trend.svg"
-    assert command("trend", tmp_path, "--turn-period 0.4 --relative --json --plot", figure) == 0
-    grown = json.loads(capsys.readouterr().out)
-    assert grown["is_relative"]
-    assert grown["points"][0]["date"] == "2024-01-01"
-    assert figure.exists()
 
 
 @pytest.mark.parametrize(
@@ -95,7 +68,7 @@ def test_a_trend_of_amplitudes_needs_no_calibration(tmp_path, capsys):
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
         ("--turn-period 0.4 --jobs 0 --out answers.csv", "--jobs 0"),
-        ("--turn-period 0.4 --calibration missing.json", "missing.json"),
+        ("--turn-period 0.4 --batch missing.csv", "give logs, or --batch"),
     ],
 )
 def test_what_is_wrong_is_one_line_and_status_2(log, options, words, capsys, monkeypatch):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbook
-from replication.records import ROOT
+from replication.files import ROOT
 from workbook import lab
 
 

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from replication import bench
+from replication.files import ROOT
 from replication.joint import TURN, Wave, change, identified_joint, simulate
-from replication.records import ROOT
 
 DELTA = 10e-4
 JOINT = identified_joint()

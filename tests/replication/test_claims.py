@@ -58,9 +58,9 @@ def scale_errors(factor, row=slice(None)):
     ("claim", "tables", "holds"),
     [
         ("error_below_10_method", scale_errors(0.3), True),
-        ("error_below_10_method", scale_errors(0.6), None),
+        ("error_below_10_method", scale_errors(0.7), None),
         ("quality_decreases", scale_errors(0.05, row=10), False),
-        ("quality_decreases", scale_errors(0.5, row=10), None),
+        ("quality_decreases", scale_errors(0.25, row=10), None),
         ("local_minima", KEPT.assign(best_basin_share=0.9), None),  # the stored runs remain
         ("local_minima", KEPT.assign(best_basin_share=0.3), False),
     ],

@@ -12,11 +12,10 @@ import pytest
 from scipy import stats
 
 from replication import published, records
+from replication.files import DataCorrupt, DataUnavailable
 from replication.records import (
     AUTHORS_FILES,
     LOW_NOISE,
-    DataCorrupt,
-    DataUnavailable,
     add_noise,
     authors_checksums,
     constant_speed,

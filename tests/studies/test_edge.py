@@ -2,9 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from replication.files import ROOT
 from replication.identification import FIT_LEVELS, errors_in_turn
 from replication.joint import from_ratios, identified_joint, ratios, simulate
-from replication.records import ROOT, load_clean_records
+from replication.records import load_clean_records
 from studies import edge
 
 JOINT = identified_joint()

@@ -1,0 +1,26 @@
+"""The paper's index of a joint, where there is no torque."""
+
+import pytest
+
+import backlash
+from backlash import Reason
+from tests.logs import noisy, table
+
+TURN = {"turn_period_s": 0.4}
+
+
+def test_without_a_torque_the_answer_is_the_paper_s_index_never_a_backlash():
+    found = backlash.estimate(table(noisy()), **TURN)
+    assert (found.verdict, found.reason) == ("cannot tell", Reason.NO_TORQUE.value)
+    assert "log the torque" in found.explanation
+    assert found.backlash_rad is None
+    low, high = found.amplitude_interval_rps
+    assert low < found.amplitude_rps < high
+    larger = backlash.estimate(table(noisy(1.5e-3)), **TURN)
+    assert larger.amplitude_rps > 1.2 * found.amplitude_rps
+
+
+def test_a_turn_that_is_given_a_little_wrong_is_corrected_with_a_note():
+    found = backlash.estimate(table(noisy()), turn_period_s=0.4008)
+    assert found.turn_period_s == pytest.approx(0.4, rel=5e-4)
+    assert any("used that" in note for note in found.notes)
