@@ -134,7 +134,7 @@ signals = [
 ]
 workbook.show_figure(
     "figure10_bench_standin",
-    figures.simulated_joint(simulated.t, signals, "stand-in bench"),
+    figures.simulated_joint(simulated.t, signals, "stand-in bench (simulated)"),
     "Two turns of the simulated joint and of a stand-in of the bench with friction, ripple and noise. The real logs "
     "are not public.",
 )

@@ -28,7 +28,8 @@ def _kept(name: str) -> pd.DataFrame:
 def table(name: str) -> pd.DataFrame:
     """Load a data file by its name.
 
-    "claims": the paper's sentences and what decides each. "errata": what is wrong in print, with its proof.
+    "claims": the paper's sentences and what decides each. "errata": what is wrong in print, by kind, with its proof.
+    "deviations": which rules were changed after a result, and what each change did to a verdict.
     "authors_notebook_runs", "authors_notebook_generations": what the authors' notebook stores.
     """
     return _kept(name).copy()
