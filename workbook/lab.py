@@ -43,6 +43,6 @@ def ask_for_answer(cell: nbformat.NotebookNode) -> None:
     """Leave nothing of a solution, and of the check of an answer no output."""
     tags = cell.metadata.get("tags", [])
     if "solution" in tags:
-        cell.source, cell.metadata = "# Your answer:\n...", {}
+        cell.source, cell.metadata = "# Your answer:", {}
     if {"solution", "check"}.intersection(tags):
         cell.outputs, cell.execution_count = [], None

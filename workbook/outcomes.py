@@ -35,6 +35,23 @@ def notebook_sources() -> dict[str, Path]:
     return {path.stem: path for path in sorted(files, key=lambda path: path.name)}
 
 
+def say(sentence: str) -> None:
+    """Show a sentence in Markdown, made of this run's numbers."""
+    from IPython.display import Markdown, display
+
+    display(Markdown(sentence))
+
+
+def show(figure: "Figure", finding: str) -> None:
+    """Show a figure, and below it what is to be seen in it."""
+    from IPython.display import display
+    from matplotlib import pyplot as plt
+
+    plt.close(figure)  # so that the end of the cell does not show it again
+    display(figure)
+    say(finding)
+
+
 def listed_exports(source: Path) -> list[str]:
     """Files that a notebook makes, from the project's folder, as the calls in its source name them.
 
@@ -96,14 +113,9 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
 
     A name such as `figure12_...` or `table2_...` says which element of the paper it belongs to.
     """
-    from IPython.display import Markdown, display
-    from matplotlib import pyplot as plt
-
     from replication import figures
 
-    plt.close(figure)  # so that the end of the cell does not show it again
-    display(figure)
-    display(Markdown(caption))
+    show(figure, caption)
     if OUTPUT_FOLDER:
         mark = "simulated records" if records_are_simulated() else ""
         figures.save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)

@@ -6,9 +6,9 @@ from scipy import stats
 
 from replication import published
 from replication.characteristic import equation_10
-from replication.claims import printed_rows
 from replication.cmaes import constants, generations, update
 from replication.records import load_clean, load_noisy
+from replication.sentences import printed_rows
 from replication.signature import Box, Parameters, Timing, d_b, h, rmse
 from replication.table2 import NOISE_ROW, NOTEBOOK, noisy_record, search_box
 

@@ -3,13 +3,15 @@
 A function measures the sentences of one subject; `published.decide_all` then says which hold.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from itertools import product
 
 import numpy as np
 import pandas as pd
 
 from replication import published, table2
 from replication.characteristic import equation_10, printed_levels_rad
+from replication.joint import K_BL, Joint, tau_l
 from replication.published import Measured
 from replication.records import Recording, authors_checksums
 from replication.signature import FloatArray
@@ -107,25 +109,17 @@ def half_turns(record: Recording) -> FloatArray:
 # --------------------------------------------------------------------------------------------------- the dead zone
 
 
-def measure_dead_zone(
-    K_BL: Callable[[float, float, float], float],
-    tau_l: Callable[[float, float, float], float],
-    K_s: float,
-) -> dict[str, Measured]:
-    """What equations 8 and 9 leave in the gap, at Table 2's ten backlashes and `SHARP_EDGES`.
-
-    Parameters
-    ----------
-    K_BL, tau_l : callable
-        Stiffness [N m/rad] and torque [N m] of a displacement [rad], alpha [1/rad] and backlash [rad].
-    K_s : float
-        Stiffness outside the gap [N m/rad].
-    """
+def measure_dead_zone(joint: Joint) -> dict[str, Measured]:
+    """What equations 8 and 9 leave in the gap, at Table 2's ten backlashes and `SHARP_EDGES`."""
     deltas = printed_levels_rad()
-    cases = [(alpha, delta) for alpha in SHARP_EDGES for delta in deltas]
-    at_edge = [K_BL(delta, alpha, delta) / K_s for alpha, delta in cases]
-    middle = [K_BL(0.0, SHARP_EDGES[0], delta) / K_s for delta in deltas]
-    jumps = [tau_l(-1e-15, alpha, delta) - tau_l(1e-15, alpha, delta) for alpha, delta in cases]
+    at_edge, middle, jumps = [], [], []
+    for alpha, delta in product(SHARP_EDGES, deltas):
+        sharp = joint._replace(alpha=alpha, clamped=False)
+        at_edge.append(K_BL(delta, delta, joint.K_s, alpha) / joint.K_s)
+        middle.append(K_BL(0.0, delta, joint.K_s, alpha) / joint.K_s)
+        before, after = (tau_l(side * 1e-15, 0.0, delta, side, sharp) for side in (-1, 1))
+        jumps.append(before - after)
+    middle = middle[: deltas.size]
     return {
         "stiffness_zero_inside": (
             min(at_edge),

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from replication import claims, published, table2
-from replication.joint import K_BL, identified_joint, tau_l
+from replication import published, sentences, table2
+from replication.joint import identified_joint
 from replication.records import Recording
 
-JOINT = identified_joint()
 KEPT = table2.read_realisations()
 
 
@@ -32,7 +31,7 @@ def print_number(monkeypatch):
 
 
 def test_the_sentences_on_table_2():
-    assert verdicts(claims.measure_table2(KEPT)) == {
+    assert verdicts(sentences.measure_table2(KEPT)) == {
         "error_below_10": True,
         "error_below_10_method": False,
         "quality_decreases": True,
@@ -43,7 +42,9 @@ def test_the_sentences_on_table_2():
 
 def test_one_printed_error_above_ten_per_cent_ends_the_sentence_on_the_printed_table(print_number):
     print_number("table2.row04.mean", 0.5636)
-    assert verdicts({"error_below_10": claims.measure_printed_errors()})["error_below_10"] is False
+    assert (
+        verdicts({"error_below_10": sentences.measure_printed_errors()})["error_below_10"] is False
+    )
 
 
 def scale_errors(factor, row=slice(None)):
@@ -66,7 +67,7 @@ def scale_errors(factor, row=slice(None)):
     ],
 )
 def test_a_sentence_on_our_tables_moves_with_their_numbers(claim, tables, holds):
-    assert verdicts(claims.measure_table2(tables))[claim] is holds
+    assert verdicts(sentences.measure_table2(tables))[claim] is holds
 
 
 def test_the_stored_runs_decide_too_whether_local_minima_are_avoided(monkeypatch):
@@ -75,7 +76,7 @@ def test_the_stored_runs_decide_too_whether_local_minima_are_avoided(monkeypatch
     monkeypatch.setattr(
         published, "table", lambda name: runs if name.startswith("authors") else original(name)
     )
-    assert verdicts(claims.measure_table2(KEPT))["local_minima"] is True
+    assert verdicts(sentences.measure_table2(KEPT))["local_minima"] is True
 
 
 def test_a_noise_that_is_proportional_would_be_found_so(print_number):
@@ -83,7 +84,7 @@ def test_a_noise_that_is_proportional_would_be_found_so(print_number):
         print_number(
             f"table2.row{row:02d}.noise", 0.2 * published.value(f"table2.row{row:02d}.theoretical")
         )
-    assert verdicts({"noise_proportional": claims.measure_noise_proportional()}) == {
+    assert verdicts({"noise_proportional": sentences.measure_noise_proportional()}) == {
         "noise_proportional": True
     }
 
@@ -104,24 +105,19 @@ def test_a_noise_that_is_proportional_would_be_found_so(print_number):
 def test_a_sentence_on_equation_10_moves_with_the_printed_number(
     print_number, cell, value, claim, holds
 ):
-    before = verdicts(claims.measure_equation_10())
-    assert before == dict.fromkeys(claims.OF_EQUATION_10, True) | {"error_rad_large": False}
+    before = verdicts(sentences.measure_equation_10())
+    assert before == dict.fromkeys(sentences.OF_EQUATION_10, True) | {"error_rad_large": False}
     print_number(cell, value)
-    assert verdicts(claims.measure_equation_10())[claim] is holds
+    assert verdicts(sentences.measure_equation_10())[claim] is holds
 
 
-def stiffness(x, alpha, delta):
-    return K_BL(x, delta, JOINT.K_s, alpha)
-
-
-def test_equations_8_and_9_leave_stiffness_and_a_jump_and_the_clamped_dead_zone_would_not():
-    def torque(x, alpha, delta):
-        return tau_l(x, 0.0, delta, np.sign(x), JOINT._replace(alpha=alpha))
-
-    printed = claims.measure_dead_zone(stiffness, torque, JOINT.K_s)
-    assert verdicts(printed) == {"stiffness_zero_inside": False, "no_discontinuity": False}
-    clamped = claims.measure_dead_zone(lambda *_: 0.0, lambda *_: 0.0, JOINT.K_s)
-    assert verdicts(clamped) == {"stiffness_zero_inside": True, "no_discontinuity": True}
+def test_equations_8_and_9_leave_stiffness_and_a_jump_and_another_stiffness_would_not(monkeypatch):
+    printed = verdicts(sentences.measure_dead_zone(identified_joint()))
+    assert printed == {"stiffness_zero_inside": False, "no_discontinuity": False}
+    monkeypatch.setattr(sentences, "K_BL", lambda *_: 0.0)
+    monkeypatch.setattr(sentences, "tau_l", lambda *_: 0.0)
+    empty = verdicts(sentences.measure_dead_zone(identified_joint()))
+    assert empty == {"stiffness_zero_inside": True, "no_discontinuity": True}
 
 
 def ring(delta, sign=-1.0, growth=1.0):
@@ -142,19 +138,23 @@ def ring(delta, sign=-1.0, growth=1.0):
 )
 def test_the_sentences_on_the_disturbance_fail_for_records_that_contradict_them(changes, failing):
     records = {delta: ring(delta, **changes) for delta in (3e-4, 5e-4)}
-    measured = claims.measure_disturbance(claims.measure_records(records))
+    measured = sentences.measure_disturbance(sentences.measure_records(records))
     assert {claim for claim, holds in verdicts(measured).items() if not holds} == failing
-    shrinking = claims.measure_records(records).assign(peak_rps=[2.0, 1.0], rms_rps=[2.0, 1.0])
-    assert verdicts(claims.measure_disturbance(shrinking))["amplitude_grows"] is None
+    shrinking = sentences.measure_records(records).assign(peak_rps=[2.0, 1.0], rms_rps=[2.0, 1.0])
+    assert verdicts(sentences.measure_disturbance(shrinking))["amplitude_grows"] is None
 
 
 def test_public_files_of_a_bench_would_be_counted(monkeypatch):
-    monkeypatch.setattr(claims, "authors_checksums", lambda: {"Bench/log1.csv": "", "a.xlsx": ""})
-    assert claims.measure_public_files()[0] == 1
+    monkeypatch.setattr(
+        sentences, "authors_checksums", lambda: {"Bench/log1.csv": "", "a.xlsx": ""}
+    )
+    assert sentences.measure_public_files()[0] == 1
 
 
 def test_records_of_the_authors_hold_what_the_text_says_of_them(authors_data):
     from replication.records import CLEAN_LEVELS, load_clean_records
 
-    measured = claims.measure_disturbance(claims.measure_records(load_clean_records(CLEAN_LEVELS)))
+    measured = sentences.measure_disturbance(
+        sentences.measure_records(load_clean_records(CLEAN_LEVELS))
+    )
     assert set(verdicts(measured).values()) == {True}
