@@ -81,6 +81,53 @@ def test_a_number_that_changes_changes_the_sentences(facts):
     assert "of none is the backlash known" in said
 
 
+def test_the_sentences_on_claims_move_with_their_verdicts(facts):
+    claims = facts["claims"].copy()
+    assert "In rad they grow with the backlash" in render(facts)
+    claims.loc["quality_decreases", "verdict"] = "does not hold"
+    claims.loc["error_below_10_method", "measured"] = "7 % of our 9 tables"
+    said = render(facts, claims=claims)
+    assert "In rad they do not grow with the backlash" in said
+    assert "the printed ones are; 7 % of our 9 tables" in said
+
+
+def test_a_number_that_agrees_weakly_is_counted_apart(facts):
+    verdicts = judging.verdicts(RESULTS)
+    verdicts.loc[verdicts["id"] == "table2.row05.mean", "weak"] = "yes"
+    weaker = report.describe(verdicts, judging.claims(RESULTS), RESULTS)
+    assert weaker["strong"] == facts["strong"] - 1
+    assert f"{weaker['strong']} agree by our own computation" in render(weaker)
+
+
+def test_the_theoretical_amplitudes_that_move_move_the_sentence_on_their_bias(facts):
+    cells = report.describe_cells(judging.verdicts(RESULTS))
+    assert report.describe_theoretical(cells)["mean"] == pytest.approx(1.15, abs=0.02)
+    moved = cells.assign(reproduced=0.99 * cells["reproduced"])
+    assert report.describe_theoretical(moved)["mean"] == pytest.approx(0.14, abs=0.02)
+    none = facts["theoretical"] | {"t": 0.4}
+    assert "no bias stands out" in render(facts, theoretical=none)
+
+
+def test_every_change_of_a_rule_starts_where_the_one_before_it_ended_and_ends_at_todays_verdict(
+    facts,
+):
+    table = published.table("deviations")
+    claims = facts["claims"]
+    for claim, changes in table[table["claim"] != ""].groupby("claim"):
+        assert claim in claims.index
+        verdicts = changes["verdict_before"].tolist()
+        assert changes["verdict_after"].tolist() == [*verdicts[1:], ""]  # empty: as today
+        assert set(verdicts) <= {*judging.CLAIM_VERDICTS.values()}
+    for change in facts["deviations"]:
+        if change["claim"] and change["verdict_after"] != change["verdict_before"]:
+            assert change in facts["moved"]
+    assert (table[["rule", "before", "after", "why"]] != "").all(axis=None)
+
+
+def test_every_kind_of_erratum_has_its_heading():
+    assert set(published.table("errata")["kind"]) == set(report.ERRATA)
+
+
 # ------------------------------------------------------------------------------------------------ Table 2 as a whole
 
 
