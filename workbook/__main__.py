@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from replication.files import ROOT, UserError, write_bytes, write_json
+from workbook.parent import end_with_make
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -19,6 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
         commands.add_parser(command.__name__, help=command.__doc__).set_defaults(command=command)
     commands.choices["run"].add_argument("notebook", type=Path, help="a notebook's .py source")
     options = vars(parser.parse_args(arguments))
+    end_with_make()
     try:
         find_folders()
         status = options.pop("command")(**options) or 0
@@ -52,8 +54,6 @@ def run(notebook: Path) -> None:
     sys.modules["rfc3987_syntax"] = None  # type: ignore[assignment]
     from workbook import execution
 
-    if "MAKE_PID" in os.environ:
-        execution.end_with(int(os.environ["MAKE_PID"]))
     print(execution.run(notebook))
 
 
@@ -95,11 +95,12 @@ def verify() -> None:
 
 
 def lab() -> None:
-    """Copy the notebooks to lab/ for changes."""
-    from workbook.lab import copy_notebooks
+    """Copy the notebooks to lab/ for changes, and start JupyterLab there."""
+    from workbook.lab import copy_notebooks, start
 
     if kept := copy_notebooks():
         print(f"lab/: {len(kept)} copies stay as they are; delete one to get a new one")
+    start()
 
 
 def data() -> None:

@@ -9,9 +9,7 @@ import shlex
 import shutil
 import signal
 import subprocess
-import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 
 import joblib
@@ -241,16 +239,3 @@ def _end_together(client: NotebookClient) -> None:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-
-
-def end_with(process: int) -> None:
-    """End this process when another, make, has ended without waiting for it, even if nobody has waited for make."""
-
-    def watch() -> None:
-        with suppress(psutil.NoSuchProcess):
-            make = psutil.Process(process)
-            while make.is_running() and make.status() != psutil.STATUS_ZOMBIE:
-                time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

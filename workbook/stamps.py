@@ -5,6 +5,8 @@ By the standard library alone: `make all` asks, each time, whether all of it is 
 
 import hashlib
 import json
+import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -49,4 +51,6 @@ def drop_outdated(project: Path) -> None:
 
 
 if __name__ == "__main__":
+    if not os.access(".", os.W_OK):
+        sys.exit("This folder is read-only: copy it to where you may write, then run make there")
     drop_outdated(Path.cwd())
