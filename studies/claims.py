@@ -309,10 +309,6 @@ def draw_margins(measured: Mapping[str, Measured], criteria: Criteria = None) ->
         axis.plot(inside, [row, row], color=colour, marker=mark, markersize=5, label=label)
     axis.axvline(1, **figures.DOTTED | {"linewidth": 1.2})
     axis.set_yticks(range(len(ends)), [claim.replace("_", " ") for *_, claim in ends])
-    axis.set(
-        xscale="log",
-        xlim=(1e-2, 100),
-        xlabel="measured over its limit (turned: below 1 the sentence holds)",
-    )
+    axis.set(xscale="log", xlim=(1e-2, 100), xlabel="measured over limit")
     axis.invert_yaxis()
     return figures.finish(figure, 3)

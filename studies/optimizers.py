@@ -155,7 +155,9 @@ def _grid_then_simplex(cost: Cost, seed: int) -> None:
     half_turn = NOTEBOOK.timing.T_d / (cost.box.upper[1] - cost.box.lower[1])
     axes[0] = np.linspace(0, half_turn, GRID[0], endpoint=False)
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(GRID))
-    starts = grid[np.argsort(cost.of_shapes(grid))[:60]]
+    parts = np.array_split(grid, len(grid) // POPULATION + 1)
+    misfits = np.concatenate([cost.of_shapes(part) for part in parts])
+    starts = grid[np.argsort(misfits)[:60]]
     ends = [descend(start, STEPS) for start in starts]
     while True:
         ends.sort(key=lambda end: end[0])

@@ -164,6 +164,7 @@ def describe_theoretical(cells: pd.DataFrame) -> dict[str, float]:
 def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
     """Everything that the template names: of verdicts, of claims, and of the facts in a folder of results."""
     cells = describe_cells(verdicts)
+    agrees = cells["shown"] == "agrees"
     return {
         "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
         "cells": cells.to_dict("records"),
@@ -182,7 +183,9 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "populations": [settings.population for settings in table2.SETTINGS],
         **describe_deviations(claims),
         "theoretical": describe_theoretical(cells),
-        "strong": ((cells["shown"] == "agrees") & (cells["source"] != CONSISTENCY)).sum(),
+        "strong": (agrees & (cells["source"] != CONSISTENCY)).sum(),
+        "consistent": (agrees & (cells["source"] == CONSISTENCY)).sum(),
+        "weak": (cells["shown"] == WEAKLY).sum(),
         "errata": published.table("errata").reset_index().groupby("kind"),
         "kinds_of_errata": ERRATA,
         "verdicts": VERDICTS,

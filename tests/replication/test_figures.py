@@ -9,7 +9,7 @@ DIMENSIONLESS = {
     "generation",
     "number of robots",
     "row of Table 2 (1*: on a simulated record, 11: noise alone)",
-    "measured over its limit (turned: below 1 the sentence holds)",
+    "measured over limit",
     "stiffness over the paper's",
 }
 
