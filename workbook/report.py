@@ -141,17 +141,24 @@ def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
 
 
 def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:
-    """What was changed after a result, all and what moved a verdict; the last change of a claim leads to today's."""
+    """What was changed after a result: every change, and how each rule came about, up to today's verdict."""
     table = published.table("deviations")
     today = claims.set_index("id")["verdict"].reindex(table["claim"]).set_axis(table.index)
     is_last = (table["claim"] != "") & ~table["claim"].duplicated(keep="last")
     table["verdict_after"] = table["verdict_after"].mask(is_last, today)
-    moved = table[table["verdict_before"] != table["verdict_after"]]
     return {
         "deviations": table.to_dict("records"),
-        "moved": moved.to_dict("records"),
+        "chains": {rule: _chain(part) for rule, part in table.groupby("rule", sort=False)},
         "changed_claims": table.loc[table["claim"] != "", "claim"].nunique(),
     }
+
+
+def _chain(changes: pd.DataFrame) -> str:
+    """Write how a rule came about: each form of it with its verdict."""
+    first = changes.iloc[0]
+    steps = [(first["before"], first["verdict_before"])]
+    steps += zip(changes["after"], changes["verdict_after"], strict=True)
+    return " → ".join(form + (f": *{verdict}*" if verdict else "") for form, verdict in steps)
 
 
 def describe_theoretical(cells: pd.DataFrame) -> dict[str, float]:
