@@ -10,6 +10,9 @@ DIMENSIONLESS = {
     "number of robots",
     "row of Table 2 (1*: on a simulated record, 11: noise alone)",
     "measured over limit",
+    "numbers and score",
+    "periods of the torque in a load turn",
+    "start and settings",
     "stiffness over the paper's",
 }
 
