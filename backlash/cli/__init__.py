@@ -8,7 +8,7 @@ import traceback
 import warnings
 from pathlib import Path
 
-from backlash.options import Exit, parser
+from backlash.cli.options import Exit, parser
 from backlash.refusals import Refusal, one_line
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)
-            from backlash.commands import run  # what only a right command needs
+            from backlash.cli.estimate_logs import run  # what only a right command needs
 
             status = run(options)
             sys.stdout.flush()
