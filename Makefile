@@ -1,4 +1,5 @@
 # The workbook's main jobs. `make` alone lists them.
+.error : GNU make is needed, often called gmake
 
 PYTHON ?= python3
 PY := .venv/bin/python
@@ -6,27 +7,10 @@ RUN := $(PY) -m workbook
 STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
 
-WRITABLE := [ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }
-
-# For a recipe: the make that was started first lives, and is no zombie (where there is a /proc).
-MAKE_LIVES := kill -0 $${MAKE_PID:-$$PPID} && ! grep -qs ') Z ' /proc/$${MAKE_PID:-$$PPID}/stat
-
-# After a command: it ends when make does.
-WHILE_MAKE_LIVES = & job=$$!; while $(MAKE_LIVES) && kill -0 $$job; do sleep 1; done 2> /dev/null; \
-	$(MAKE_LIVES) || kill $$job; wait $$job
-
-# Where the clock is behind, a stamp gets the time of what it was made from; else all would be installed each time.
-STAMP = touch $@; for made_from in $^; do [ ! "$$made_from" -nt $@ ] || touch -r "$$made_from" $@; done
-
-PIP := $(PY) -I -m pip install --quiet --no-user --require-hashes
-# uv takes seconds, and only what is asked for; where it can't be had, pip installs the whole lock.
-UV := PATH="$$PATH:.venv/bin" uv pip install --quiet --python $(PY) --require-hashes --constraint requirements.lock
-
-# Settings of the user's that would reach into the environment or change what it computes.
-unexport PIP_PREFIX PIP_TARGET PIP_USER VIRTUAL_ENV
+# Settings of the user's that would change what a command computes.
 unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONOPTIMIZE PYTHONPATH PYTHONSAFEPATH PYTHONSTARTUP PYTHONUSERBASE PYTHONWARNINGS
-unexport PYTEST_ADDOPTS PYTEST_DISABLE_PLUGIN_AUTOLOAD PYTEST_PLUGINS
-unexport $(filter IPYTHON% JUPYTER% MPL%,$(.VARIABLES))
+unexport PYTEST_ADDOPTS PYTEST_DISABLE_PLUGIN_AUTOLOAD PYTEST_PLUGINS VIRTUAL_ENV
+unexport $(filter IPYTHON% JUPYTER% MPL% NUMBA%,$(.VARIABLES))
 
 .DEFAULT_GOAL := help
 .PHONY: $(shell sed -nE 's/^([a-z-]+):.*\#\# .*/\1/p' Makefile)
@@ -35,11 +19,11 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
-# make from ending well. Each run watches this make, and none starts without it: killed in whatever way, it leaves
-# nothing that computes.
+# make from ending well. What this make starts, sub-makes and kernels too, ends with it, in whatever way it ends.
 all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@$(WRITABLE); export MAKE_PID=$$PPID; $(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
-	$(MAKE_LIVES) && $(MAKE) --no-print-directory .make/report.made || status=1; exit $$status
+	@$(PY) -m workbook.stamps && export MAKE_PID=$$PPID; \
+	$(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
+	$(MAKE) --no-print-directory .make/report.ran && exit $$status
 
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
 	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
@@ -54,10 +38,7 @@ verify: .venv/.installed  ## verification.json, to send back: versions, processo
 	@$(RUN) verify
 
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
-	@$(WRITABLE)
-	$(RUN) lab
-	JUPYTERLAB_SETTINGS_DIR=lab/.settings $(PY) -m jupyterlab $$([ "$$(id -u)" != 0 ] || echo --allow-root) \
-	  --LabApp.default_url=/lab/tree/lab/00_the_sensor.ipynb
+	@$(RUN) lab
 
 book: .venv/.installed  ## the report and the notebooks as a book with a search: results/book/index.html
 	$(PY) -m sphinx --quiet --jobs 2 --conf-dir workbook --doctree-dir .make/doctrees . .make/book
@@ -87,11 +68,11 @@ lint: .venv/.lint  ## style, format, types and spelling
 	$(PY) -m mypy
 	$(PY) -m codespell_lib
 
-audit: .venv/.lock  ## known vulnerabilities of the locked versions
-	PATH="$$PATH:.venv/bin" uv tool run pip-audit --requirement requirements.lock --disable-pip
+audit: .venv/.installed  ## known vulnerabilities of the locked versions
+	PATH="$$PATH:.venv/bin" uv tool run pip-audit --strict --requirement requirements.lock --disable-pip
 
 GROUPS := workbook studies test slow lint lab lock
-lock: .venv/.lock  ## pin the newest versions that pyproject.toml allows
+lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	PATH="$$PATH:.venv/bin" uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --all-extras \
 	  $(GROUPS:%=--group %) --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock
 
@@ -101,43 +82,36 @@ clean:  ## remove what can be made again and is not committed
 
 # ---------------------------------------------------------------------------------------------------------------
 
+# .venv/.installed is what notebooks need; .venv/.NAME is a group of pyproject.toml, what a target needs besides.
+INSTALL = @[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }; \
+	$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")' && \
+	MAKE_PID=$$PPID $(PYTHON) -E -s -m workbook.install $@
 .venv/.installed: pyproject.toml requirements.lock
-	@$(WRITABLE)
-	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")'
-	rm -rf .venv
-	$(PYTHON) -m venv .venv
-	# Whatever is started from this environment, an editor's kernel too, finds the packages of the folder it lies in. The
-	# path is relative, so that a copied or moved checkout finds its own.
-	$(PY) -I -c 'import pathlib, sysconfig; pathlib.Path(sysconfig.get_path("purelib"), "checkout.pth").write_text("../../../..\n")'
-	sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > .venv/uv.lock
-	sed '/^uv==/,/[^\\]$$/d' requirements.lock > .venv/all.lock
-	@echo 'The locked versions are being installed into .venv'
-	@command -v uv > .venv/uv.path || { $(PIP) --requirement .venv/uv.lock $(WHILE_MAKE_LIVES); } || true
-	@{ $(UV) --requirement pyproject.toml --extra plot --extra xlsx --group workbook $(WHILE_MAKE_LIVES); } || \
-	  { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
-	@$(STAMP)
-
-# What a target needs besides: a group of pyproject.toml.
+	$(INSTALL)
 .venv/.%: .venv/.installed
-	@$(WRITABLE)
-	@{ $(UV) --group $* $(WHILE_MAKE_LIVES); } || { $(PIP) --requirement .venv/all.lock $(WHILE_MAKE_LIVES); }
-	@$(STAMP)
+	$(INSTALL)
 
-# A notebook is due when this checkout has not run it yet, or when it or a package has changed since. `run` makes its
-# stamp; none is made where the authors' files could not be had.
+# A notebook is due when this checkout has not run it yet, when what it made is no longer as it was, or when it, a
+# package or a kept table that it reads has changed since. `run` makes its stamp; none is made where the authors' files
+# could not be had.
 PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
-BEYOND := $(wildcard backlash/*.py backlash/*/*.py studies/*.py studies/*/*.py)
+BEYOND := $(wildcard backlash/*.py backlash/*/*.py backlash/data/* studies/*.py studies/*/*.py studies/*.csv)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
-	@$(MAKE_LIVES) && $(RUN) run $<
+	@$(RUN) run $<
 .make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
-	@$(MAKE_LIVES) && $(RUN) run $<
+	@$(RUN) run $<
+
+# NAME.py that reads results/TABLE.csv makes this a prerequisite of .make/NAME.ran.
+READERS := $(wildcard notebooks/*.py notebooks/*/*.py) workbook/report.py
+$(foreach rule,$(shell grep -oE 'kept_table."[a-z0-9_]+"|read_kept."[a-z0-9_]+"|read_realisations' $(READERS) /dev/null | \
+  sed -E 's|read_realisations|."table2_realisations"|; s|.*/(.*)\.py:.*"(.*)"|.make/\1.ran:results/\2.csv|'),$(eval $(rule)))
+results/%.csv:
+	@echo '$@ is missing; git checkout brings it back, or make studies' >&2; exit 2
 
 NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
 ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)
 STAMPS := $(patsubst %,.make/%.ran,$(filter $(NOTEBOOKS),$(ORDER)) $(filter-out $(ORDER),$(NOTEBOOKS)))
 
-.make/report.made: $(wildcard results/*.csv results/*/*.csv results/outcomes/*.json results/offline/results/outcomes/*.json workbook/*.*) replication/data/cells.csv
-	@mkdir -p .make
+.make/report.ran: $(wildcard results/*.csv results/outcomes/*.json workbook/*.*) $(PACKAGES)
 	$(RUN) report
 	$(RUN) check || true
-	@touch $@

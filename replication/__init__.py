@@ -1,26 +1,42 @@
 """A reproducible workbook of "A virtual sensor for backlash in robotic manipulators": the paper."""
 
-import platform
+import ctypes
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
+
+from replication.files import UserError
 
 
 def njit(function: Callable) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
-    import numba  # slow, and not every command computes
-
+    try:
+        import numba  # slow, and not every command computes
+    except Exception as error:  # whatever a setting of the user's makes it raise
+        why = " ".join(str(error).split())
+        where = "the variables NUMBA_... and the file .numba_config.yaml"
+        raise UserError(f"numba does not start: {why}; see {where}") from error
     try:
         return numba.njit(cache=True, nogil=True)(function)
     except RuntimeError:  # no folder for the cache
         return numba.njit(nogil=True)(function)
 
 
-def pinned_environment(machine: str = platform.machine()) -> dict[str, str]:
+def has_avx2() -> bool:
+    """Whether this processor is known to have AVX2, as those of x86-64 do since 2013, but for the smallest."""
+    if sys.platform == "win32":
+        return bool(ctypes.windll.kernel32.IsProcessorFeaturePresent(40))
+    about = Path("/proc/cpuinfo")
+    return about.exists() and " avx2 " in about.read_text()
+
+
+def pinned_environment() -> dict[str, str]:
     """Environment variables, set before the libraries are imported, under which results are the same to the last bit.
 
     CMA-ES is chaotic, so its runs show the last bit. On x86-64 they are the same on every processor with AVX2.
     """
-    if machine not in ("x86_64", "AMD64"):
+    if not has_avx2():
         return {"OPENBLAS_NUM_THREADS": "1", "NUMBA_CPU_NAME": "generic"}
     return {
         "OPENBLAS_NUM_THREADS": "1",

@@ -2,6 +2,8 @@
 
 import json
 import secrets
+import stat
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,17 +36,27 @@ class DataCorrupt(UserError):
 FLOAT_FORMAT = "%.6g"
 
 
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Write files, all or none, each by one rename; a file that is replaced hands its mode on."""
+    # Names that nobody knows before, opened as new: no link can stand there.
+    temporary = {path: path.with_name(f".{secrets.token_hex(8)}.tmp") for path in contents}
+    try:
+        for path, content in contents.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with temporary[path].open("xb") as file:
+                file.write(content)
+            if path.is_file() and not path.is_symlink():
+                temporary[path].chmod(stat.S_IMODE(path.stat().st_mode))
+        for path in contents:
+            temporary[path].replace(path)
+    finally:
+        for each in temporary.values():
+            each.unlink(missing_ok=True)
+
+
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file, by one rename."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # A name that nobody knows before, opened as new: no link can stand there.
-    temporary = path.with_name(f".{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            file.write(content)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_files({path: content})
 
 
 def write_text(path: Path, text: str) -> None:
@@ -52,11 +64,21 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode("utf-8"))
 
 
+def as_csv(table: "pd.DataFrame") -> bytes:
+    """A table as CSV, with six significant digits."""
+    return table.to_csv(index=False, float_format=FLOAT_FORMAT, lineterminator="\n").encode()
+
+
+def as_json(content: dict) -> bytes:
+    """JSON, an entry a line."""
+    return f"{json.dumps(content, indent=1)}\n".encode()
+
+
 def write_csv(path: Path, table: "pd.DataFrame") -> None:
     """Write a table with six significant digits."""
-    write_text(path, table.to_csv(index=False, float_format=FLOAT_FORMAT, lineterminator="\n"))
+    write_bytes(path, as_csv(table))
 
 
 def write_json(path: Path, content: dict) -> None:
     """Write a JSON file."""
-    write_text(path, json.dumps(content, indent=1) + "\n")
+    write_bytes(path, as_json(content))

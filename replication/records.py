@@ -127,7 +127,7 @@ def public_file(address: str, name: str, sha256: str, variable: str) -> Path:
     DataCorrupt
         The variable is set, and the file is not there or not the registered one; or the download is not.
     DataUnavailable
-        The variable is not set, and there is no network or no folder to download to.
+        The variable is not set, and there is no network, or no folder to download to: it names the cause.
     """
     if folder := os.environ.get(variable):
         file = Path(folder).expanduser() / name
@@ -142,17 +142,27 @@ def public_file(address: str, name: str, sha256: str, variable: str) -> Path:
         return file
     import pooch  # slow to import, and not needed where the variable is set
 
+    cached = pooch.os_cache("backlash-replication")
     try:
         downloader = pooch.HTTPDownloader(timeout=20)
-        cached = pooch.os_cache("backlash-replication")
         return Path(pooch.retrieve(address, sha256, name, cached, downloader=downloader))
-    except ValueError as error:
-        raise DataCorrupt(f"{name}: the download is not the registered file") from error
-    except OSError as error:
+    except (OSError, ValueError) as error:
+        if "does not match the known hash" in str(error):
+            raise DataCorrupt(f"{name}: the download is not the registered file") from error
         raise DataUnavailable(
-            f"{name}: cannot be downloaded ({type(error).__name__}); connect to the network, "
-            f"or set {variable} to a folder with a copy"
+            f"{name}: not downloaded to {cached}: {_root_cause(error)}; "
+            f"mend that, or set {variable} to a folder with a copy"
         ) from error
+
+
+def _root_cause(error: BaseException) -> str:
+    """What an error of a download began with, in one line."""
+    while isinstance(
+        inner := getattr(error.args[0], "reason", None) if error.args else None, BaseException
+    ):
+        error = inner
+    text = " ".join(str(error).split())
+    return text.rpartition(">: ")[2] or type(error).__name__
 
 
 def read_worksheet(workbook: Path | io.BytesIO) -> FloatArray:

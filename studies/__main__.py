@@ -21,6 +21,13 @@ def write_claims() -> None:
     print(optimizers.success_table(runs).to_string(index=False))
 
 
+def write_engine() -> None:
+    """The paper's joint in a physics engine, and what the sensor says of its logs, into results/engine.csv."""
+    from studies import engine
+
+    write_csv(RESULTS / "engine.csv", engine.measure_all())
+
+
 def write_hardware() -> None:
     """What the sensor says of logs of real joints and of their twins, into results/hardware.csv and its twins."""
     from studies import hardware
@@ -63,6 +70,7 @@ def write_realisations() -> None:
 STUDIES = {
     "claims": write_claims,
     "datasheet": write_datasheet,
+    "engine": write_engine,
     "hardware": write_hardware,
     "identify-joint": write_joint,
     "prediction": write_prediction,

@@ -4,6 +4,7 @@
 minimum of a noisy record with 99 %, `results/notebook_times.csv` how long the notebooks took in `make all`.
 """
 
+import json
 from collections.abc import Callable
 from functools import partial
 from time import perf_counter
@@ -166,9 +167,9 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
 
 def collect_notebook_times() -> pd.DataFrame:
     """Seconds of each notebook's last run here, as `make all` noted them, two at a time."""
-    stamps = sorted((ROOT / ".make").glob("*.ran"))
-    rows = [(stamp.stem, float(stamp.read_text("utf-8") or "nan")) for stamp in stamps]
-    return pd.DataFrame(rows, columns=["notebook", "seconds"]).dropna()
+    stamps = sorted((ROOT / ".make").glob("[0-9]*.ran"))
+    rows = [(stamp.stem, json.loads(stamp.read_text("utf-8"))["seconds"]) for stamp in stamps]
+    return pd.DataFrame(rows, columns=["notebook", "seconds"])
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """What a user's own machine brings: odd folders, settings, consoles and places that cannot be written."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import replication
 from tests.logs import command, noisy, write
 from workbook.__main__ import main as workbook_command
 
@@ -53,7 +55,7 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     pictures = []
     for variables in ({}, hostile):
         picture = tmp_path / f"{len(pictures)}.svg"
-        options = ["--turn-period", "0.4", "--method", "amplitude", "--plot", picture]
+        options = ["--turn-period", "0.4", "--plot", picture]
         ended = subprocess.run(
             [sys.executable, "-m", "backlash", "estimate", log, *options],
             cwd=ROOT,
@@ -64,6 +66,51 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
         pictures.append(picture.read_bytes())
     assert ended.stdout.isascii()
     assert pictures[0] == pictures[1]
+
+
+@pytest.mark.parametrize(
+    ("variables", "file", "says"),
+    [
+        ({"NUMBA_NUM_THREADS": "0"}, "", "must be > 0"),
+        ({}, "num_threads: [1\n - x: : {", "flow sequence"),
+    ],
+)
+def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(
+    tmp_path, variables, file, says
+):
+    (tmp_path / ".numba_config.yaml").write_text(file or "{}")
+    log = write(noisy(), tmp_path / "log.csv")
+    ended = subprocess.run(
+        [sys.executable, "-m", "backlash", "estimate", log, "--turn-period", "0.4"],
+        cwd=tmp_path,
+        env=os.environ | variables | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert says in ended.stderr
+    assert "NUMBA_" in ended.stderr
+
+
+ASK = "import backlash.main, os; print({name: os.environ.get(name) for name in NAMES})"
+
+
+@pytest.mark.parametrize("chosen", [{}, {"OPENBLAS_CORETYPE": "Prescott"}])
+def test_the_command_computes_alike_on_every_processor_unless_a_kernel_is_chosen(chosen):
+    pinned = replication.pinned_environment()
+    environment = {name: value for name, value in os.environ.items() if name not in pinned}
+    asked = [sys.executable, "-c", ASK.replace("NAMES", repr([*pinned]))]
+    ended = subprocess.run(
+        asked, cwd=ROOT, env=environment | chosen, capture_output=True, text=True, check=True
+    )
+    expected = dict.fromkeys(pinned) | chosen if chosen else pinned
+    assert ast.literal_eval(ended.stdout) == expected
+
+
+def test_a_processor_without_avx2_gets_no_code_for_it(monkeypatch):
+    monkeypatch.setattr(replication, "has_avx2", lambda: False)
+    assert replication.pinned_environment()["NUMBA_CPU_NAME"] == "generic"
 
 
 def test_an_empty_name_is_no_folder_of_logs(capsys):

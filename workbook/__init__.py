@@ -6,13 +6,19 @@ from replication.files import ROOT
 
 # What notebooks call; `python -m workbook` needs none of it.
 _MODULE_OF = {
+    "Change": "teaching",
     "ParameterError": "parameters",
-    "check_answer": "parameters",
+    "check_answer": "teaching",
     "check_parameters": "parameters",
     "explain": "parameters",
     "flipbook": "animation",
     "judge": "judging",
+    "read_kept": "outcomes",
+    "say": "outcomes",
+    "say_times": "teaching",
+    "show": "outcomes",
     "show_figure": "outcomes",
+    "try_changing": "teaching",
     "verdict": "judging",
 }
 __all__ = ["ROOT", *_MODULE_OF]

@@ -8,7 +8,8 @@ import os
 import sys
 from pathlib import Path
 
-from replication.files import ROOT, UserError, write_json
+from replication.files import ROOT, UserError, write_bytes, write_json
+from workbook.parent import end_with_make
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -19,6 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
         commands.add_parser(command.__name__, help=command.__doc__).set_defaults(command=command)
     commands.choices["run"].add_argument("notebook", type=Path, help="a notebook's .py source")
     options = vars(parser.parse_args(arguments))
+    end_with_make()
     try:
         find_folders()
         status = options.pop("command")(**options) or 0
@@ -52,29 +54,27 @@ def run(notebook: Path) -> None:
     sys.modules["rfc3987_syntax"] = None  # type: ignore[assignment]
     from workbook import execution
 
-    if "MAKE_PID" in os.environ:
-        execution.end_with(int(os.environ["MAKE_PID"]))
     print(execution.run(notebook))
 
 
 def report() -> None:
-    """Write the verdicts, report.md, what the results are made from, and the status in README.md."""
-    from workbook.outcomes import RESULTS
-    from workbook.provenance import provenance
+    """Write the verdicts, report.md, what the results are made from, and the status in README.md, all or none."""
+    from workbook.outcomes import RESULTS, refuse_missing
     from workbook.report import write_report
+    from workbook.stamps import new_stamp
 
-    print(write_report(RESULTS, ROOT / "README.md"))
-    offline = RESULTS / "offline" / "results"  # of notebooks that ran without the authors' files
-    if (offline / "outcomes").is_dir():
-        print(write_report(offline))
-    write_json(RESULTS / "provenance.json", provenance())
+    refuse_missing()
+    written = write_report(RESULTS, ROOT / "README.md")
+    write_bytes(ROOT / ".make" / "report.ran", new_stamp(ROOT, written))
+    print(written[0])
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
     from workbook import judging, report
-    from workbook.outcomes import RESULTS
+    from workbook.outcomes import RESULTS, refuse_missing
 
+    refuse_missing()
     verdicts = judging.verdicts(RESULTS)
     print(report.list_numbers(verdicts))
     surprises = report.find_surprises(verdicts)
@@ -85,20 +85,22 @@ def check() -> int:
 
 def verify() -> None:
     """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
-    from workbook.outcomes import RESULTS
+    from workbook.outcomes import RESULTS, refuse_missing
     from workbook.provenance import manifest
 
+    refuse_missing()
     path = ROOT / "verification.json"
     write_json(path, manifest(RESULTS))
     print(path)
 
 
 def lab() -> None:
-    """Copy the notebooks to lab/ for changes."""
-    from workbook.lab import copy_notebooks
+    """Copy the notebooks to lab/ for changes, and start JupyterLab there."""
+    from workbook.lab import copy_notebooks, start
 
     if kept := copy_notebooks():
         print(f"lab/: {len(kept)} copies stay as they are; delete one to get a new one")
+    start()
 
 
 def data() -> None:

@@ -1,15 +1,16 @@
 """Execution of one notebook in a fresh kernel; what it makes is put in place only if it ended well."""
 
+import asyncio
 import atexit
+import fcntl
 import hashlib
 import os
+import shlex
 import shutil
+import signal
 import subprocess
-import threading
 import time
-from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import joblib
 import jupytext
@@ -21,7 +22,9 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
 from replication import pinned_environment
-from replication.files import ROOT, DataUnavailable, UserError, write_text
+from replication.files import ROOT, DataUnavailable, UserError, write_bytes, write_files, write_text
+from workbook.outcomes import listed_exports
+from workbook.stamps import new_stamp
 
 CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
@@ -41,8 +44,8 @@ def run(source: Path) -> str:
     """Execute a notebook and put what it makes in place, beside its folder `notebooks`; say how it ended.
 
     Where the authors' files can't be had it runs on our simulated records, into `results/offline`. A
-    stamp, `.make/NAME.ran`, says that it ran on what it asks for. This process gets the environment of
-    its kernel.
+    stamp, `.make/NAME.ran`, says that it ran on what it asks for, and what it made. A second run of it waits for the
+    first. This process gets the environment of its kernel.
 
     Raises
     ------
@@ -52,18 +55,22 @@ def run(source: Path) -> str:
         The source is none, or its `.ipynb` was edited.
     """
     project, name = find_project(source), source.stem
-    refuse_edited(source)
+    notebook = read_notebook(source, "correct it")
+    refuse_edited(source, notebook)
     start = time.monotonic()
     where = ""
     try:
         os.environ |= kernel_environment(project)
-        try:
-            _execute_into(project, source, project)
-            write_text(project / ".make" / f"{name}.ran", f"{time.monotonic() - start:.0f}\n")
-        except DataUnavailable:
-            os.environ["BACKLASH_RECORDS"] = "simulated"
-            _execute_into(project / "results" / "offline", source, project, SIMULATED)
-            where = " on our simulated records"
+        stamp = project / ".make" / f"{name}.ran"
+        with stamp.with_suffix(".lock").open("wb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                made = _execute_into(project, source, project)
+                write_bytes(stamp, new_stamp(project, made, time.monotonic() - start))
+            except DataUnavailable:
+                os.environ["BACKLASH_RECORDS"] = "simulated"
+                _execute_into(project / "results" / "offline", source, project, SIMULATED)
+                where = " on our simulated records"
     except DataUnavailable as missing:
         return f"{name}: not run: {missing}; its committed results stay"
     except OSError as error:
@@ -82,17 +89,28 @@ def find_project(source: Path) -> Path:
     return folders[0]
 
 
-def refuse_edited(source: Path) -> None:
+def read_notebook(file: Path, advice: str) -> NotebookNode:
+    """Read a notebook, or the source of one; UserError, with an advice, where a file holds none."""
+    try:
+        notebook = jupytext.read(file)
+        nbformat.validate(notebook)
+        return notebook
+    except Exception as error:  # of whatever a parser meets in a damaged file
+        why = str(error).strip().partition("\n")[0]
+        raise UserError(f"{file}: no notebook can be read from it ({why}); {advice}") from error
+
+
+def refuse_edited(source: Path, notebook: NotebookNode) -> None:
     """Refuse to overwrite an `.ipynb` whose cells are neither those that it was executed with nor the source's."""
     executed = source.with_suffix(".ipynb")
     if not executed.exists():
         return
-    notebook = jupytext.read(executed)
-    there = cells_sha256(notebook)
-    if there not in (notebook.metadata.get(HASH, there), cells_sha256(jupytext.read(source))):
+    left = read_notebook(executed, "delete it, and it is made again")
+    there = cells_sha256(left)
+    if there not in (left.metadata.get(HASH, there), cells_sha256(notebook)):
         raise UserError(
-            f"{executed}: edited, and left as it is; take the edits over by jupytext --sync {source}, "
-            "or delete it"
+            f"{executed}: edited, and left as it is; .venv/bin/jupytext --to py:percent {shlex.quote(str(executed))} "
+            "takes the edits over into the .py, or delete it"
         )
 
 
@@ -134,23 +152,36 @@ def available_memory() -> int:
     return available if text == "max" else min(available, int(text))
 
 
-def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> None:
-    """Execute a source in a staging folder; move what it makes to where it belongs."""
+def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> list[Path]:
+    """Execute a source; put what it makes, which has to be what it lists, where it belongs, all or none."""
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
     notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
-    with TemporaryDirectory(dir=project / ".make", prefix=f"{source.stem}.") as staging:
-        os.environ |= {"REPLICATION_OUT": staging, "REPLICATION_NOTEBOOK": source.stem}
+    staging = project / ".make" / f"{source.stem}.staging"
+    shutil.rmtree(staging, ignore_errors=True)  # of a run that was killed
+    staging.mkdir()
+    try:
+        os.environ |= {"REPLICATION_OUT": str(staging), "REPLICATION_NOTEBOOK": source.stem}
         execute(notebook, source, project / ".make" / f"{source.stem}.failed.ipynb")
-        executed = Path(staging, source.resolve().relative_to(project)).with_suffix(".ipynb")
+        executed = staging / source.resolve().relative_to(project).with_suffix(".ipynb")
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)
-        for made in Path(staging).iterdir():
-            into = destination / made.name
-            shutil.copytree(made, into, copy_function=shutil.move, dirs_exist_ok=True)
+        made = {
+            destination / file.relative_to(staging): file.read_bytes()
+            for file in staging.rglob("*")
+            if file.is_file()
+        }
+        listed = {destination / name for name in listed_exports(source)}
+        for file in sorted(listed ^ {*made}):
+            what = "not made" if file in listed else "made, and named in no call of the source"
+            raise NotebookFailed(f"{source.name}: {file.relative_to(destination)}: {what}")
+        write_files(made)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+    return [*made]
 
 
 def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
@@ -167,7 +198,7 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         shutdown_kernel="immediate",
         resources={"metadata": {"path": str(source.parent)}},
     )
-    client.on_notebook_start = lambda notebook: _kill_with_this_process(client)
+    client.on_notebook_start = lambda notebook: _end_together(client)
     log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
     try:
         with log.open("wb") as file:
@@ -192,8 +223,14 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
     del notebook.metadata["language_info"]["version"]
 
 
-def _kill_with_this_process(client: NotebookClient) -> None:
-    """Kill a kernel and its workers when this process ends, however it does: then the pipe closes."""
+def _end_together(client: NotebookClient) -> None:
+    """Kill a kernel and its workers when this process ends, however it does: then the pipe closes.
+
+    A signal ends it, in place of what nbclient does at one.
+    """
+    for each in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().remove_signal_handler(each)
+    atexit.unregister(client._cleanup_kernel)
     assert client.km is not None
     group = client.km.provisioner.pgid  # type: ignore[union-attr]
     subprocess.Popen(
@@ -202,16 +239,3 @@ def _kill_with_this_process(client: NotebookClient) -> None:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-
-
-def end_with(process: int) -> None:
-    """End this process when another, make, has ended without waiting for it, even if nobody has waited for make."""
-
-    def watch() -> None:
-        with suppress(psutil.NoSuchProcess):
-            make = psutil.Process(process)
-            while make.is_running() and make.status() != psutil.STATUS_ZOMBIE:
-                time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -19,16 +19,17 @@ import numpy as np
 import pandas as pd
 
 from replication import published
+from replication.files import UserError
 from replication.records import records_are_simulated
 from workbook.outcomes import (
     OUTPUT_FOLDER,
-    RESULTS,
     Cells,
     Claims,
     Numbers,
     cell_rows,
     claim_rows,
     load_outcomes,
+    read_kept,
     save_outcome,
     source_of,
 )
@@ -46,12 +47,17 @@ NOT_TESTED = ("stand-in", "taken over")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 
 
+def _pooled(numbers: Numbers) -> list[float]:
+    """Realisations of all settings together; of one number, that."""
+    return [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
+
+
 def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
     """Rule 2: the numbers that agree with ours."""
     if isinstance(numbers, Mapping):
         from replication.table2 import prediction_interval  # with the search, slow to import
 
-        return prediction_interval([*chain(*numbers.values())])
+        return prediction_interval(_pooled(numbers))
     tolerance = published.tolerance(cell)
     is_bound = published.cells().loc[cell, "kind"] == "bound"
     return numbers - tolerance, math.inf if is_bound else numbers + tolerance
@@ -76,7 +82,7 @@ def judge_number(id: str, source: str, numbers: Numbers, notebook: str = "") -> 
     low, high = interval(id, numbers)
     ours = float(numbers) if not isinstance(numbers, Mapping) else math.nan
     if isinstance(numbers, Mapping):
-        pooled = [*chain(*numbers.values())]
+        pooled = _pooled(numbers)
         ours = float(np.median(pooled))
         alone = [interval(id, {name: each}) for name, each in numbers.items()]
         if np.isfinite(alone).all():
@@ -118,6 +124,8 @@ def verdicts(results: Path) -> pd.DataFrame:
     ------
     ValueError
         Two notebooks export the same number.
+    UserError
+        None exports one that is tested.
     """
     ours = {
         cell: {"id": cell, "source": source_of(cell), "numbers": math.nan}
@@ -130,21 +138,27 @@ def verdicts(results: Path) -> pd.DataFrame:
             ours[row["id"]] = row | {"notebook": name}
     for cell, number in published.derived_numbers().items():
         ours[cell]["numbers"] = number
+    is_tested = ~published.cells()["source"].isin(NOT_TESTED)
+    for cell in published.cells().index[is_tested]:
+        if not np.isfinite(_pooled(ours[cell]["numbers"])).all():
+            raise UserError(f"{cell}: no notebook has computed it; make all runs them")
     return pd.DataFrame([judge_number(**row) for row in ours.values()])
 
 
 def claims(results: Path) -> pd.DataFrame:
     """The paper's claims in words with their verdicts: `id, claim, section, verdict, measured, notebook`.
 
-    Of a claim that no notebook can decide, `claims.csv` says why: it is undecided.
+    Of a claim that no notebook can decide, `claims.csv` says why: it is undecided. UserError where another is missing.
     """
-    untested = published.table("claims")["untested"].replace("", "no notebook decided it")
-    table = published.table("claims")[["claim", "section"]]
-    table = table.assign(verdict=CLAIM_VERDICTS[None], measured=untested, notebook="")
+    claimed = published.table("claims")
+    table = claimed[["claim", "section"]]
+    table = table.assign(verdict=CLAIM_VERDICTS[None], measured=claimed["untested"], notebook="")
     for name, outcome in load_outcomes(results).items():
         for row in outcome["claims"]:
             decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]
             table.loc[row["id"], ["verdict", "measured", "notebook"]] = decided
+    for claim in table.index[table["measured"] == ""]:
+        raise UserError(f"{claim}: no notebook has decided it; make all runs them")
     return table.reset_index()
 
 
@@ -168,8 +182,8 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
     table = pd.DataFrame(rows, columns=shown, dtype=object).set_index("id")
     table["committed"] = table["ours"]
     if records_are_simulated() or not OUTPUT_FOLDER:
-        kept = pd.read_csv(RESULTS / "verdicts.csv", index_col="id")["reproduced"]
-        claimed = pd.read_csv(RESULTS / "claims.csv", index_col="id")["measured"]
+        kept = read_kept("verdicts").set_index("id")["reproduced"]
+        claimed = read_kept("claims").set_index("id")["measured"]
         table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
     return table.fillna("").map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
 

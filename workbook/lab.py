@@ -1,11 +1,14 @@
 """The student's copies of the notebooks in `lab/`: what is saved there touches no committed notebook."""
 
+import os
 import shutil
+import sys
 from pathlib import Path
 
 import nbformat
 from nbformat.sign import NotebookNotary
 
+from replication import pinned_environment
 from replication.files import ROOT, write_text
 from workbook.outcomes import NOTEBOOKS, notebook_sources
 
@@ -39,10 +42,21 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
     return kept
 
 
+def start() -> None:
+    """Become JupyterLab at the copies, with arithmetic as `python -m workbook run` has it: the same digits."""
+    os.environ |= pinned_environment() | {"JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")}
+    first = sorted(LAB.glob("[0-9]*.ipynb"))[0].relative_to(ROOT)
+    command = [sys.executable, "-m", "jupyterlab", f"--LabApp.default_url=/lab/tree/{first}"]
+    if hasattr(os, "getuid") and os.getuid() == 0:
+        command.append("--allow-root")
+    os.chdir(ROOT)
+    os.execv(command[0], command)
+
+
 def ask_for_answer(cell: nbformat.NotebookNode) -> None:
     """Leave nothing of a solution, and of the check of an answer no output."""
     tags = cell.metadata.get("tags", [])
     if "solution" in tags:
-        cell.source, cell.metadata = "# Your answer:\n...", {}
+        cell.source, cell.metadata = "# Your answer:", {}
     if {"solution", "check"}.intersection(tags):
         cell.outputs, cell.execution_count = [], None

@@ -5,9 +5,10 @@ texts for the report's sentences ("facts"). `python -m workbook run` names the f
 REPLICATION_OUT; a notebook that is run by hand writes nothing.
 """
 
+import ast
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,19 +35,87 @@ def notebook_sources() -> dict[str, Path]:
     return {path.stem: path for path in sorted(files, key=lambda path: path.name)}
 
 
+def say(sentence: str) -> None:
+    """Show a sentence in Markdown, made of this run's numbers."""
+    from IPython.display import Markdown, display
+
+    display(Markdown(sentence))
+
+
+def show(figure: "Figure", finding: str) -> None:
+    """Show a figure, and below it what is to be seen in it."""
+    from IPython.display import display
+    from matplotlib import pyplot as plt
+
+    plt.close(figure)  # so that the end of the cell does not show it again
+    display(figure)
+    say(finding)
+
+
+def listed_exports(source: Path) -> list[str]:
+    """Files that a notebook makes, from the project's folder, as the calls in its source name them.
+
+    Its `.ipynb`; both files of each figure that it shows; what its call of `verdict` exports: an outcome and tables.
+    """
+    folder = "notebooks" if source.parent.name == "notebooks" else "notebooks/beyond"
+    return [f"{folder}/{source.stem}.ipynb", *_named_files(source)]
+
+
+def _named_files(source: Path) -> Iterator[str]:
+    parameters = ("text", "cells", "claims", "facts", "tables")  # of `verdict`, in their order
+    try:
+        tree = ast.parse(source.read_bytes())
+    except (SyntaxError, ValueError) as error:
+        raise UserError(f"{source}: not Python in UTF-8: {error}") from error
+    for call in ast.walk(tree):
+        match call:
+            case ast.Call(ast.Attribute(attr="show_figure"), [ast.Constant(str(name)), *_]):
+                yield from (f"figures/{name}.{kind}" for kind in ("png", "svg"))
+            case ast.Call(ast.Attribute(attr="verdict"), values, keywords):
+                given = dict(zip(parameters, values, strict=False))
+                given |= {each.arg: each.value for each in keywords if each.arg}
+                if {"cells", "claims", "facts"} & {*given}:
+                    yield f"results/outcomes/{source.stem}.json"
+                if isinstance(tables := given.get("tables"), ast.Dict):
+                    for key in tables.keys:
+                        if isinstance(key, ast.Constant):
+                            yield f"results/{key.value!s}.csv"
+
+
+def refuse_missing() -> None:
+    """Refuse to go on where a file is missing that a notebook makes: what is missing is never judged."""
+    for source in notebook_sources().values():
+        for name in listed_exports(source):
+            if not (ROOT / name).is_file():
+                raise UserError(f"{name} is missing; {how_to_make(source)}")
+
+
+def how_to_make(source: Path) -> str:
+    """Say which command makes again what a notebook makes."""
+    return f".venv/bin/python -m workbook run {source.relative_to(ROOT)} makes it"
+
+
+def read_kept(name: str) -> pd.DataFrame:
+    """Read `results/NAME.csv`, a table that a study has made and `make all` does not make again."""
+    return pd.read_csv(kept_table(name))
+
+
+def kept_table(name: str) -> Path:
+    """Find `results/NAME.csv`; UserError where it is missing."""
+    file = RESULTS / f"{name}.csv"
+    if not file.is_file():
+        raise UserError(f"{file} is missing; git checkout brings it back, or make studies")
+    return file
+
+
 def show_figure(name: str, figure: "Figure", caption: str) -> None:
     """Show a figure with its caption, and write it to `figures/NAME.svg`; by hand nothing is written.
 
     A name such as `figure12_...` or `table2_...` says which element of the paper it belongs to.
     """
-    from IPython.display import Markdown, display
-    from matplotlib import pyplot as plt
-
     from replication import figures
 
-    plt.close(figure)  # so that the end of the cell does not show it again
-    display(figure)
-    display(Markdown(caption))
+    show(figure, caption)
     if OUTPUT_FOLDER:
         mark = "simulated records" if records_are_simulated() else ""
         figures.save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
@@ -96,7 +165,7 @@ def save_outcome(
         "claims": claim_rows(claims),
         "facts": {name: text for name, text in texts.items() if not text.endswith("nan")},
     }
-    if any(outcome.values()):
+    if cells or claims or facts:
         write_json(results / "outcomes" / f"{os.environ['REPLICATION_NOTEBOOK']}.json", outcome)
 
 
@@ -107,10 +176,30 @@ def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
         file = results / "outcomes" / f"{name}.json"
         if file.exists():
             try:
-                outcomes[name] = json.loads(file.read_text(encoding="utf-8"))
-            except ValueError as error:
-                again = f"python -m workbook run {source.relative_to(ROOT)} makes it again"
+                outcomes[name] = _check_outcome(json.loads(file.read_text(encoding="utf-8")))
+            except (ValueError, TypeError, KeyError) as error:
                 raise UserError(
-                    f"{file}: not the outcome of a notebook ({error}); {again}"
+                    f"{file}: not the outcome of a notebook ({error!r}); {how_to_make(source)}"
                 ) from error
     return outcomes
+
+
+def _check_outcome(outcome: dict[str, Any]) -> dict[str, Any]:
+    """Raise ValueError, TypeError or KeyError where it is not what `save_outcome` writes."""
+    printed, claimed = set(published.cells().index), set(published.table("claims").index)
+    for row in outcome["cells"]:
+        pooled = [row["numbers"]]
+        if isinstance(row["numbers"], dict):
+            pooled = [number for of_setting in row["numbers"].values() for number in of_setting]
+        if row["id"] not in printed or not isinstance(row["source"], str) or not pooled:
+            raise ValueError(f"a row of cells: {row['id']}")
+        if any(type(number) not in (int, float) for number in pooled):
+            raise ValueError(f"{row['id']}: a number is none")
+    for row in outcome["claims"]:
+        if row["id"] not in claimed or row["holds"] not in (True, False, None):
+            raise ValueError(f"a row of claims: {row['id']}")
+        if not isinstance(row["measured"], str):
+            raise ValueError(f"{row['id']}: measured is no text")
+    if any(not isinstance(fact, str) for fact in outcome["facts"].values()):
+        raise ValueError("a fact that is no text")
+    return outcome

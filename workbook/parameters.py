@@ -1,11 +1,9 @@
-"""What a student may change: a notebook's parameters, and the answers to its exercises."""
+"""What a student may change: a notebook's parameters."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from numbers import Integral, Real
 from typing import Any
-
-import numpy as np
 
 from replication.files import UserError
 
@@ -14,7 +12,8 @@ class ParameterError(UserError, ValueError):
     """A value that a parameter may not have."""
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Whether a value is a real number, and no truth value."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
@@ -59,10 +58,10 @@ def _check(name: str, value: Any, allowed: Any) -> None:
                 _check(f"{name}[{key!r}]", item, allowed[key])
         case range():
             words = f"a whole number from {allowed[0]} to {allowed[-1]}"
-            is_allowed = isinstance(value, Integral) and _is_number(value) and value in allowed
-        case (low, high) if _is_number(low):
+            is_allowed = isinstance(value, Integral) and is_number(value) and value in allowed
+        case (low, high) if is_number(low):
             words = f"a number from {low:g} to {high:g}"
-            is_allowed = _is_number(value) and low <= value <= high
+            is_allowed = is_number(value) and low <= value <= high
         case _:
             words = "one of " + ", ".join(
                 "a function" if each is callable else repr(each) for each in allowed
@@ -79,28 +78,3 @@ def explain(name: str, value: object) -> Iterator[None]:
         yield
     except (ValueError, TypeError, RuntimeError) as error:
         raise ParameterError(f"{name} = {value!r}: {error}") from error
-
-
-def check_answer(answer: Any, expected: Any, **tolerance: Any) -> None:
-    """Print "right", "not yet", or which part of an answer is no number.
-
-    Parameters
-    ----------
-    answer : number or numbers
-        nan stands for no answer yet.
-    expected : number, numbers or function
-        What is right, within a tolerance; or a condition of a number.
-    **tolerance : float
-        `rtol` or `atol` of `numpy.allclose`.
-    """
-    given = np.array(answer, dtype=object)
-    if wrong := [each for each in given.flat if not _is_number(each)]:
-        print(f"not yet: {wrong[0]!r} is not a number")
-        return
-    numbers = given.astype(float)[()]
-    is_right = given.shape == np.shape(expected) and not np.isnan(numbers).any()
-    if is_right and callable(expected):
-        is_right = expected(numbers)
-    elif is_right:
-        is_right = np.allclose(numbers, expected, **tolerance)
-    print("right" if is_right else "not yet")

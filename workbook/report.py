@@ -14,14 +14,16 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.files import write_csv, write_text
+from replication.files import UserError, as_csv, as_json, write_files
 from workbook import evidence, judging
-from workbook.outcomes import RESULTS, load_outcomes
+from workbook.outcomes import kept_table, load_outcomes, read_kept
+from workbook.provenance import provenance
 
 TEMPLATE = Path(__file__).with_name("report.md.j2")
 STATUS = re.compile(r"(<!-- status: begin -->\n).*(<!-- status: end -->)", re.DOTALL)
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = re.compile(r"\b(alpha|delta|lambda|mu|omega|pi|sigma|tau)(?=\b|_)")
+ABSENT = re.compile(r"\b(nan|None|inf)\b")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 
 # ------------------------------------------------------------------------------------------------- numbers in words
@@ -103,7 +105,7 @@ def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
 
 def describe_hardware() -> dict[str, Any]:
     """What the sensor says of public logs of real joints: how many it refuses, and why, the usual reason first."""
-    logs = pd.read_csv(RESULTS / "hardware.csv")
+    logs = read_kept("hardware")
     reasons = logs.loc[logs["verdict"] == "cannot tell", "reason"].value_counts()
     return {"logs": len(logs), "refused": reasons.sum(), "reasons": [*reasons.items()]}
 
@@ -120,7 +122,9 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "by_source": count_by(cells, "source", judging.SOURCES),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
-        "evidence": evidence.table2_evidence(table2.read_realisations()),
+        "evidence": evidence.table2_evidence(
+            table2.read_realisations(kept_table("table2_realisations"))
+        ),
         "hardware": describe_hardware(),
         "claims": claims.set_index("id"),
         "populations": [settings.population for settings in table2.SETTINGS],
@@ -134,34 +138,63 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
 
 
 def load_template() -> jinja2.Template:
-    """Load the report's template."""
+    """Load the report's template, which refuses to write what is not there."""
     pages = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATE.parent),
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
+        finalize=_refuse_absent,
     )
     pages.filters.update(typeset=typeset, span=span)
     return pages.get_template(TEMPLATE.name)
 
 
-def write_report(results: Path, readme: Path | None = None) -> Path:
-    """Write the verdicts, the claims and `report.md` of a results folder; return the report.
+def _refuse_absent(value: object) -> object:
+    """Refuse a value that says that there is none."""
+    if ABSENT.search(str(value)):
+        raise UserError(f"the report would say {str(value)!r}: a number is missing; run make all")
+    return value
 
-    Its first section goes into a README, too, between the marks of the status.
+
+def render(described: dict[str, Any]) -> tuple[str, str]:
+    """Fill in the template: the report, and its first section as the README has it; UserError where a number lacks."""
+    template = load_template()
+    try:
+        status = "".join(template.blocks["status"](template.new_context(described | {"up": ""})))
+        return template.render(described, up="../"), status.strip()
+    except jinja2.UndefinedError as error:
+        raise UserError(f"the report lacks a number: {error}; run make all") from error
+
+
+def write_report(results: Path, readme: Path) -> list[Path]:
+    """Write the verdicts, the claims, `report.md` and `provenance.json` of a results folder, all or none.
+
+    The report's first section goes into a README, too, between the marks of the status.
+
+    Returns
+    -------
+    list of Path
+        What was written, the report first.
+
+    Raises
+    ------
+    UserError
+        Something is missing that the report is made from.
     """
     verdicts, claims = judging.verdicts(results), judging.claims(results)
-    write_csv(results / "verdicts.csv", verdicts)
-    write_csv(results / "claims.csv", claims)
-    template, described = load_template(), describe(verdicts, claims, results)
-    path = results / "report.md"
-    write_text(path, template.render(described, up="../"))
-    if readme:
-        context = template.new_context(described | {"up": ""})
-        status = "".join(template.blocks["status"](context)).strip()
-        text = readme.read_text(encoding="utf-8")
-        write_text(readme, STATUS.sub(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text))
-    return path
+    page, status = render(describe(verdicts, claims, results))
+    text = readme.read_text(encoding="utf-8")
+    text = STATUS.sub(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text)
+    written = {
+        results / "report.md": page.encode(),
+        results / "verdicts.csv": as_csv(verdicts),
+        results / "claims.csv": as_csv(claims),
+        results / "provenance.json": as_json(provenance()),
+        readme: text.encode(),
+    }
+    write_files(written)
+    return [*written]
 
 
 def list_numbers(verdicts: pd.DataFrame) -> str:

@@ -10,12 +10,16 @@ from pathlib import Path
 
 from backlash.cli.options import Exit, parser
 from backlash.refusals import Refusal, one_line
+from replication import pinned_environment
+from replication.files import UserError
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 _UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
-# Threads for matrices of ten rows cost more than they save; read when NumPy is imported, later.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Read when NumPy and numba are imported, later: answers are the same on every x86-64 processor with AVX2. Whoever
+# chooses a kernel gets that.
+if not os.environ.keys() & {"OPENBLAS_CORETYPE", "NUMBA_CPU_NAME", "NPY_DISABLE_CPU_FEATURES"}:
+    os.environ |= pinned_environment()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -45,7 +49,7 @@ def _ending(error: BaseException) -> tuple[int, str]:
     causes = (error, error.__cause__, error.__context__)  # compiled code makes Ctrl-C a cause
     if any(isinstance(each, KeyboardInterrupt) for each in causes):
         return Exit.INTERRUPTED, "interrupted; with --out the same command goes on"
-    if isinstance(error, Refusal):
+    if isinstance(error, (Refusal, UserError)):
         return Exit.UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
         # Nothing is left to be flushed at the end.

@@ -123,7 +123,7 @@ pd.Series(together | {"printed bias [%]": printed_bias}).round(4)
 # outcome.
 
 # %%
-outcome = pd.read_csv(workbook.ROOT / "results" / "table2_prediction.csv")
+outcome = workbook.read_kept("table2_prediction")
 means_met, sds_met = prediction.count_met(outcome)
 whole = means_met == len(prediction.MEANS) and sds_met == len(prediction.SDS)
 prediction_finding = (

@@ -292,7 +292,7 @@ stepping.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
 # (`make studies NAME=claims`, kept). The misfit (RMSE over the SD) is that of the records it is identified from.
 
 # %%
-alphas = pd.read_csv(workbook.ROOT / "results" / "alpha_refit.csv")
+alphas = workbook.read_kept("alpha_refit")
 alphas[["alpha", "nrmse", "K_s/J_l", "J_l/(N^2 J_m)", "K_p/J_m"]]
 
 # %% [markdown]
@@ -327,7 +327,7 @@ friction.rename_axis("friction over m g r")
 # evaluations, with the 95 % interval of Clopper and Pearson. CMA-ES against each swarm by Fisher's exact test.
 
 # %%
-success = optimizers.success_table(pd.read_csv(workbook.ROOT / "results" / "optimizers.csv"))
+success = optimizers.success_table(workbook.read_kept("optimizers"))
 compared = optimizers.against_swarms(success)
 claims["cma_beats_swarms"] = studies.cma_beats_swarms(compared, criteria)
 claims["classical_cannot"] = studies.classical_cannot(success, criteria)

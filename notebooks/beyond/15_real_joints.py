@@ -2,8 +2,19 @@
 # # 15 · Logs of real joints
 #
 # *You will give the sensor public logs of real joints, and see what their torque says of the gears.
-# Reading time: 4 min. Run time: 15 s. Before this: notebook [11](11_your_own_joint.ipynb).*
-#
+# Before this: notebook [11](11_your_own_joint.ipynb).*
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+import pandas as pd
+from scipy import stats
+
+import workbook
+from studies import hardware
+from workbook import Change
+
+workbook.say_times("15_real_joints")
+
+# %% [markdown]
 # ## Claim
 #
 # The paper's sensor works on real joints: its own bench and robots, whose logs were never published.
@@ -38,13 +49,6 @@
 # where $h$ [rad] is what friction winds up. The regression's $\delta$ [rad] is an upper limit of the
 # backlash, as far as the motor's torque changes its sign when that of the teeth does.
 
-# %%
-import pandas as pd
-from scipy import stats
-
-import workbook
-from studies import hardware
-
 # %% [markdown]
 # ## Parameters
 
@@ -55,7 +59,8 @@ known_gravity = 1.0  # factor on the gravity that the sensor is given
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 logs = hardware.list_logs()
 workbook.check_parameters(
-    makes=(makes, [tuple(logs["make"].unique())]), known_gravity=(known_gravity, (0.01, 100))
+    makes=(makes, [tuple(logs["make"].unique())]),
+    known_gravity=(known_gravity, (0.01, 100)),
 )
 
 # %% [markdown]
@@ -63,17 +68,29 @@ workbook.check_parameters(
 #
 # ### The answers
 #
-# *Predict:* why will most of these logs get no answer?
+# *Predict:* what will most of these logs lack?
 
 # %%
 chosen = logs[logs["make"].isin(makes)].assign(
     gravity_per_s2=lambda table: known_gravity * table["gravity_per_s2"]
 )
 records = {name: hardware.load_log(row) for name, row in chosen.iterrows()}
-answers = {name: hardware.answer(records[name], row) for name, row in chosen.iterrows()}
+answers = {
+    name: hardware.answer(records[name], row) for name, row in chosen.iterrows()
+}
 chosen["verdict"] = [answer.verdict for answer in answers.values()]
 chosen["reason"] = [answer.reason for answer in answers.values()]
 chosen[["joint", "verdict", "reason"]]
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+commonest = chosen["reason"].value_counts()
+workbook.say(
+    f"Most often: {commonest.index[0]}, {commonest.iloc[0]} of {len(chosen)}. "
+    "Robots are logged while they work, and not while one joint turns round at "
+    "constant speed under gravity."
+    if len(commonest)
+    else f"Nothing: all {len(chosen)} are answered."
+)
 
 # %% [markdown]
 # One of each reason, in full:
@@ -89,8 +106,17 @@ for name in chosen.groupby("reason").head(1).index:
 # $\ell = 0$. Near 1 and above there is hardly a gravity in the torque.
 
 # %%
-rigid = pd.DataFrame({name: hardware.fit_rigid_load(log) for name, log in records.items()}).T
+rigid = pd.DataFrame(
+    {name: hardware.fit_rigid_load(log) for name, log in records.items()}
+).T
 rigid.round(3)
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+heavy = int((rigid["left"] < 0.5).sum())
+workbook.say(
+    f"In {heavy} of {len(rigid)} logs the equation leaves less than half of "
+    "gravity: in these gravity can be told from what else the torque does."
+)
 
 # %% [markdown]
 # ### The second encoder
@@ -100,7 +126,10 @@ rigid.round(3)
 
 # %%
 axes = chosen[chosen["load_encoder"]].groupby("joint").groups
-lost = {joint: hardware.lost_motion([records[name] for name in axes[joint]]) for joint in axes}
+lost = {
+    joint: hardware.lost_motion([records[name] for name in axes[joint]])
+    for joint in axes
+}
 if lost:
     display(pd.concat(lost, names=["joint", "by"]).map("{:.2e}".format))
 
@@ -113,33 +142,64 @@ if lost:
 counts = chosen["verdict"].value_counts()
 refused = counts.get("cannot tell", 0)
 reasons = "; ".join(
-    f"{reason}: {count}" for reason, count in chosen["reason"].value_counts().items()
+    f"{reason}: {count}"
+    for reason, count in chosen["reason"].value_counts().items()
 )
 joints = chosen["joint"].nunique()
 workbook.verdict(
-    f"Of {len(chosen)} logs of {joints} joints the sensor refuses {refused} ({reasons}), calls "
-    f"{counts.get('backlash', 0)} a backlash, and {counts.get('no backlash', 0)} none. A refusal is no evidence for "
-    "the sensor or against it: a positive test needs a joint of known play, loaded by gravity, that turns round "
-    "twelve times at constant speed, with speed and torque logged at 500 Hz."
+    f"Of {len(chosen)} logs of {joints} joints the sensor refuses {refused} "
+    f"({reasons}), calls {counts.get('backlash', 0)} a backlash, and "
+    f"{counts.get('no backlash', 0)} none. A refusal is no evidence for the sensor "
+    "or against it: a positive test needs a joint of known play, loaded by "
+    "gravity, that turns round twelve times at constant speed, with speed and "
+    "torque logged at 500 Hz."
 )
 
 # %% [markdown]
 # ## Try changing
-#
-# 1. `makes = ["printed"]`: the two joints that do turn round; their gears carry no load.
-# 2. `known_gravity = 10.0`: no refusal goes away, for none is for the size of gravity.
-# 3. `makes = ["KUKA"]`: the axes with a second encoder.
-#
+
+# %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
+workbook.try_changing(
+    Change(
+        'makes = ["printed"]',
+        "the joints that do turn round; their gears carry no load, and they are "
+        "refused, too",
+        lambda now, was: (
+            0 < len(now.chosen) < len(was.chosen) and now.refused == len(now.chosen)
+        ),
+    ),
+    Change(
+        "known_gravity = 10.0",
+        "the sensor is given ten times the gravity; no refusal goes away, for "
+        "none is for the size of gravity",
+        lambda now, was: (
+            now.refused == was.refused
+            and now.known_gravity == 10 * was.known_gravity
+        ),
+    ),
+    Change(
+        'makes = ["KUKA"]',
+        "the axes with a second encoder alone",
+        lambda now, was: (
+            now.chosen["load_encoder"].all()
+            and not was.chosen["load_encoder"].all()
+        ),
+    ),
+)
+
+# %% [markdown]
 # ## Exercises
 #
-# Each asks for a number by its `name`. The cell below your answer says *right* or *not yet*.
+# Answer by the `name`; the cell below says *right* or *not yet*. Solutions are folded in the
+# committed notebooks.
 
 # %%
 highest_percent = sure = half_play_mrad = float("nan")  # your answers
 
 # %% [markdown]
 # **1.** No alarm on `joints` independent joints that were all answered: how large may the rate of
-# false alarms still be (`highest_percent`, two-sided, 95 %)? What does it say of the joints above?
+# false alarms still be (`highest_percent` [%], two-sided, 95 %, to 1)? What does it say of the
+# joints above?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 highest_percent = 100 * (1 - 0.025 ** (1 / joints))
@@ -147,29 +207,33 @@ print(f"up to {highest_percent:.0f} %; of joints that were refused it says nothi
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 high = stats.binomtest(0, joints).proportion_ci().high
-workbook.check_answer(highest_percent, 100 * high, rtol=0, atol=1)
+workbook.check_answer(highest_percent, 100 * high, to=1)
 
 # %% [markdown]
-# **2.** The loss $\ell$ of a log has the SD `loss_sd`. How many logs (`sure`) have a loss that
-# differs from 0 by more than 3 SDs, and why may it still not be a loss where it is negative?
+# **2.** The loss $\ell$ of a log has the SD `loss_sd`. How many logs (`sure`, a whole number) have a
+# loss that differs from 0 by more than 3 SDs, and why may it still not be a loss where it is
+# negative?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-sure = sum((rigid["loss"] / rigid["loss_sd"]).abs() > 3)
-print(f"{sure}; a gear gains no torque: something else changes its sign with the speed")
+sure = int(((rigid["loss"] / rigid["loss_sd"]).abs() > 3).sum())
+print(
+    f"{sure}; a gear gains no torque: something else changes its sign with the "
+    "speed"
+)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(sure, len(rigid.query("abs(loss) > 3 * loss_sd")), rtol=0)
+workbook.check_answer(sure, len(rigid.query("abs(loss) > 3 * loss_sd")))
 
 # %% [markdown]
 # **3.** A data sheet gives a lost motion of 0.15 degrees from side to side. How large is $\delta$ at
-# most (`half_play_mrad`, to 1 %)?
+# most (`half_play_mrad` [mrad], to 0.01)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 half_play_mrad = 1e3 * (0.15 * 3.14159 / 180) / 2
 print(f"{half_play_mrad:.2f} mrad")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(half_play_mrad, 1.309, rtol=0, atol=0.013)
+workbook.check_answer(half_play_mrad, 1.309, to=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a sensor can only be tested on logs that it could judge.

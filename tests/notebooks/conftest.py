@@ -1,33 +1,49 @@
 import io
 import re
 from contextlib import redirect_stdout
-from copy import deepcopy
+from types import SimpleNamespace
 
 import IPython.display
 import jupytext
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 
 import workbook
-from replication.files import ROOT
 from workbook import lab
+from workbook.outcomes import notebook_sources
 
 
 class Running:
-    """A notebook whose cells run in this process, with other parameters: its names, verdict and what it printed."""
+    """A notebook whose cells run in this process, changed: its names, sentences, verdict and what it printed."""
 
-    def __init__(self, monkeypatch, name, parameters):
+    def __init__(self, monkeypatch, name, parameters=(), edit=("", "")):
         matplotlib.use("Agg")
-        monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
-        self.verdicts, self.printed, self.parameters = [], io.StringIO(), parameters
+        self.verdicts, self.said, self.promises, self.answers = [], [], [], []
+        self.printed, self.parameters = io.StringIO(), dict(parameters)
         self.names = {"display": lambda *shown, **how: None}
-        monkeypatch.setattr(workbook, "verdict", lambda text, *_, **__: self.verdicts.append(text))
+        instead = {
+            "verdict": lambda text, *_, **__: self.verdicts.append(text),
+            "say": self.said.append,
+            "say_times": lambda name: None,
+            "show": lambda figure, text: self.said.append(text) or plt.close(figure),
+            "show_figure": lambda name, figure, text: self.said.append(text) or plt.close(figure),
+            "flipbook": lambda *drawn: None,
+            "try_changing": lambda *changes: self.promises.extend(changes),
+        }
+        for function, replacement in instead.items():
+            monkeypatch.setattr(workbook, function, replacement)
         monkeypatch.setattr(IPython.display, "display", lambda *shown, **how: None)
-        monkeypatch.setattr(workbook, "flipbook", lambda *drawn: None)
-        (source,) = (ROOT / "notebooks").glob(f"**/{name}*.py")
-        cells = jupytext.read(source).cells
-        self.cells = [cell for cell in cells if cell.cell_type == "code"]
+        (source,) = [path for each, path in notebook_sources().items() if each.startswith(name)]
+        self.cells = [cell for cell in jupytext.read(source).cells if cell.cell_type == "code"]
+        if edit[0]:
+            taught = [
+                cell for cell in self.cells if "promises" not in cell.metadata.get("tags", [])
+            ]
+            assert any(edit[0] in cell.source for cell in taught), f"no code {edit[0]}"
+            for cell in taught:
+                cell.source = cell.source.replace(*edit)
 
     def execute(self, cell):
         """Run a cell; return what it printed."""
@@ -39,9 +55,21 @@ class Running:
             self.names |= self.parameters
         return self.printed.getvalue()[start:].strip()
 
+    def execute_to(self, last):
+        """Run the cells up to the first one with a tag."""
+        for cell in self.cells:
+            self.execute(cell)
+            if last in cell.metadata.get("tags", []):
+                return
+
 
 @pytest.fixture
-def run_notebook(monkeypatch):
+def on_simulated_records(monkeypatch):
+    monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
+
+
+@pytest.fixture
+def run_notebook(monkeypatch, on_simulated_records):
     """Run a notebook with other parameters; returns its names, verdict and what it printed."""
 
     def run(name, **parameters):
@@ -54,34 +82,86 @@ def run_notebook(monkeypatch):
 
 
 @pytest.fixture
-def answer_exercises(monkeypatch):
-    """Run a lab copy; returns what each check says of no answer, the solution, 1.5 times the solution, and a text."""
+def run_to_promises(monkeypatch):
+    """Run a notebook without its exercises, with other parameters, then as a change has it; returns the run."""
+
+    def run(name, parameters=(), code=""):
+        old, _, new = code.partition(" → ")
+        changed = {}
+        if not new:
+            exec(code, {}, changed)
+        running = Running(
+            monkeypatch, name, dict(parameters) | changed, (old, new) if new else ("", "")
+        )
+        running.execute_to("promises")
+        return running
+
+    return run
+
+
+@pytest.fixture
+def answer_exercises(monkeypatch, on_simulated_records):
+    """Run a lab copy with its solutions; returns what the check of each exercise says."""
 
     def run(name, **parameters):
-        running, said = Running(monkeypatch, name, parameters), []
+        running, exercises = Running(monkeypatch, name, parameters), []
         source = "\n".join(cell.source for cell in running.cells)
-        names = re.search(r"^((?:\w+ = )+)\S+  # your answers", source, re.MULTILINE)[1].split(
-            " = "
-        )
+        line = re.search(r"^((?:\w+ = )+)\S+  # your answers", source, re.MULTILINE)[1]
+        names = line.split(" = ")
+        asked = {}
+        check_answer = workbook.check_answer
+
+        def spy(answer, expected, to=0.0):
+            asked.update(expected=expected, to=to)
+            check_answer(answer, expected, to)
+
+        monkeypatch.setattr(workbook, "check_answer", spy)
         for cell in running.cells:
             tags = cell.metadata.get("tags", [])
             if "solution" in tags:
-                solution, stripped = cell, deepcopy(cell)
-                lab.ask_for_answer(stripped)
-                running.execute(stripped)
+                solution = cell
             elif "check" in tags:
-                answer = names[len(said)]
-                blank = running.execute(cell)
-                running.execute(solution)
-                right = running.names[answer]
-                of_solution = running.execute(cell)
-                running.names[answer] = np.multiply(1.5, right)
-                of_wrong = running.execute(cell)
-                running.names[answer] = "one"
-                said.append([blank, of_solution, of_wrong, running.execute(cell)])
-                running.names[answer] = right
+                answer = names[len(exercises)]
+                stripped = solution.copy()
+                lab.ask_for_answer(stripped)
+                exercises.append(answer_exercise(running, answer, stripped, solution, cell, asked))
             else:
                 running.execute(cell)
-        return said
+        return exercises
 
     return run
+
+
+def answer_exercise(running, name, stripped, solution, check, asked):
+    """What a check says of no answer, of the solution, of near misses, and of honest roundings."""
+    assert running.execute(stripped) == ""
+    blank = running.execute(check)
+    running.execute(solution)
+    right = np.asarray(running.names[name], dtype=float)
+    of_solution = running.execute(check)
+    to = asked["to"]
+
+    def of(answers):
+        said = []
+        for answer in answers:
+            running.names[name] = answer[()]
+            said.append(running.execute(check).partition(":")[0])
+        running.names[name] = right[()]
+        return said
+
+    unit = to or 1.0
+    roundings = [to * np.round(right / to), to * np.trunc(right / to)] if to else [right, right]
+    misses = [right + 1.6 * unit, right - 1.6 * unit, right + 1000 * unit]
+    if not to:
+        misses += [right + 0.36, right + 1]
+    running.names[name] = "one"
+    of_word = running.execute(check)
+    return SimpleNamespace(
+        name=name,
+        to=to,
+        blank=blank,
+        of_solution=of_solution,
+        of_roundings=of(roundings),
+        of_misses=of(misses),
+        of_word=of_word,
+    )

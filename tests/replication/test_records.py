@@ -109,6 +109,30 @@ def test_without_network_and_copy_the_file_and_the_way_out_are_named(monkeypatch
         find()
 
 
+CAUSES = {
+    "a SOCKS proxy": ({"http_proxy": "socks5://127.0.0.1:9"}, "SOCKS"),
+    "a malformed proxy": ({"http_proxy": "http://[127.0.0.1:9"}, "valid host or port|proxy|IPv6"),
+    "a proxy that refuses": ({"http_proxy": "http://127.0.0.1:9"}, "proxy|refused"),
+    "no certificates": ({"REQUESTS_CA_BUNDLE": "/nowhere/ca.pem"}, "/nowhere/ca.pem"),
+    "no cache": ({"XDG_CACHE_HOME": "/dev/null"}, "/dev/null"),
+}
+
+
+@pytest.mark.parametrize(("settings", "cause"), CAUSES.values(), ids=CAUSES)
+def test_a_download_that_fails_names_its_true_cause(settings, cause, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    for variable in ("http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY"):
+        monkeypatch.delenv(variable, raising=False)
+    for variable, value in settings.items():
+        monkeypatch.setenv(variable, value)
+    scheme = "https" if "REQUESTS_CA_BUNDLE" in settings else "http"
+    with pytest.raises(
+        DataUnavailable, match=rf"(?i)^x\.zip: not downloaded.*({cause})"
+    ) as refused:
+        public_file(f"{scheme}://example.invalid/x.zip", "x.zip", SHA256, "SOME_DATA")
+    assert "\n" not in str(refused.value)
+
+
 def test_every_file_that_is_read_is_registered():
     assert set(AUTHORS_FILES) <= set(authors_checksums())
     assert len(AUTHORS_FILES) == 11 + 5

@@ -1,7 +1,10 @@
 """A notebook in a kernel: what it leaves, what is said when it fails, and that nothing stays when a run is killed."""
 
 import os
+import re
+import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -108,7 +111,7 @@ def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
     folder = project(small="# %%\nrepeats = 30\n")
     execution.run(small(folder))
     small(folder).write_text("# %%\nrepeats = 31\n", "utf-8")
-    execution.refuse_edited(small(folder))  # a change of the source alone
+    execution.run(small(folder))  # a change of the source alone
     notebook = nbformat.read(folder / LEFT[0], as_version=4)
     notebook.cells[0].source = "repeats = 32"
     nbformat.write(notebook, folder / LEFT[0])
@@ -116,8 +119,119 @@ def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
     with pytest.raises(UserError, match=r"small\.ipynb: edited, and left as it is"):
         execution.run(small(folder))
     assert made_in(folder) == edited
-    small(folder).write_text("# %%\nrepeats = 32\n", "utf-8")  # taken over
-    execution.refuse_edited(small(folder))
+
+
+@pytest.mark.parametrize("newer", ["small.py", "small.ipynb"])
+def test_the_advice_takes_the_edits_over_whichever_file_is_newer(project, newer, monkeypatch):
+    folder = project(small='# %% tags=["parameters"]\nrepeats = 30\n')
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    execution.run(small(folder))
+    notebook = nbformat.read(folder / LEFT[0], as_version=4)
+    notebook.cells[0].source = "repeats = 32"
+    nbformat.write(notebook, folder / LEFT[0])
+    os.utime(folder / "notebooks" / newer, (2**32, 2**32))
+    with pytest.raises(UserError) as refused:
+        execution.run(small(folder))
+    advised = shlex.split(re.search(r"(\.venv/bin/jupytext .*) takes", str(refused.value))[1])
+    subprocess.run([ROOT / advised[0], *advised[1:]], cwd=folder, check=True, capture_output=True)
+    assert 'tags=["parameters"]\nrepeats = 32\n' in small(folder).read_text("utf-8")
+    execution.run(small(folder))
+    assert b"repeats = 32" in made_in(folder)[LEFT[0]]
+
+
+DAMAGED = {
+    "truncated": '{"cells": [{"cell_type": "code", "source": ["repe',
+    "merge-marked": '{\n<<<<<<< HEAD\n "cells": []\n=======\n "cells": [1]\n>>>>>>> other\n}',
+    "empty": "",
+    "another JSON": "[1, 2]",
+}
+
+
+@pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, text):
+    folder = project(small="# %%\nrepeats = 30\n")
+    (folder / LEFT[0]).write_text(text, "utf-8")
+    with pytest.raises(UserError, match=r"small\.ipynb: no notebook .*; delete it") as refused:
+        execution.run(small(folder))
+    assert "\n" not in str(refused.value)
+    assert (folder / LEFT[0]).read_text("utf-8") == text
+
+
+def test_a_source_that_is_not_in_utf_8_is_named_in_one_line(project):
+    folder = project(small="")
+    small(folder).write_bytes("# %%\nname = 'größer'\n".encode("latin-1"))
+    with pytest.raises(UserError, match=r"^.*small\.py: no notebook .*; correct it$"):
+        execution.run(small(folder))
+
+
+UNNAMED = """# %%
+import os
+from pathlib import Path
+Path(os.environ["REPLICATION_OUT"], "figures").mkdir()
+Path(os.environ["REPLICATION_OUT"], "figures", "one.svg").touch()
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (UNNAMED, "figures/one.svg: made, and named in no call"),
+        ('# %%\nimport workbook\nif False: workbook.show_figure("one", 1, "")\n', "not made"),
+    ],
+)
+def test_a_run_that_makes_other_files_than_its_source_names_fails(project, text, says):
+    folder = project(small=text)
+    with pytest.raises(execution.NotebookFailed, match=says):
+        execution.run(small(folder))
+    assert made_in(folder) == {}
+
+
+def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
+    folder = project(small=GOOD)
+    (folder / "results").mkdir()
+    (folder / "results" / "outcomes").touch()  # no folder
+    before = made_in(folder)
+    with pytest.raises(execution.NotebookFailed, match=r"small\.py: .*results/outcomes"):
+        execution.run(small(folder))
+    assert made_in(folder) == before
+    assert not list(folder.rglob("*.tmp"))
+
+
+def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(project):
+    folder = project(small=GOOD)
+    old = folder / ".make" / "small.staging"
+    old.mkdir(parents=True)
+    execution.run(small(folder))
+    shared = {folder / "results": 0o2775, folder / "results" / "small.csv": 0o664}
+    for path, mode in shared.items():
+        path.chmod(mode)
+    mask = os.umask(0o077)
+    try:
+        execution.run(small(folder))
+    finally:
+        os.umask(mask)
+    assert [path.stat().st_mode & 0o7777 for path in shared] == [*shared.values()]
+    assert not old.exists()
+
+
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_says_one_line_and_leaves_no_kernel(project, tmp_path, ending):
+    pids = tmp_path / "pids.txt"
+    text = f"# %%\nimport os, time\nopen({str(pids)!r}, 'w').write(f'{{os.getpid()}} ')\ntime.sleep(100)\n"
+    folder = project(small=text)
+    command = [sys.executable, "-m", "workbook", "run", small(folder)]
+    running = subprocess.Popen(
+        command, cwd=ROOT, env=without_data(), stderr=subprocess.PIPE, text=True
+    )
+    wait_until(lambda: pids.exists() and pids.read_text().endswith(" "), 100)
+    running.send_signal(ending)
+    _, said = running.communicate(timeout=60)
+    assert said.count("\n") == (ending == signal.SIGINT)
+    assert running.returncode == (130 if ending == signal.SIGINT else -ending)
+    wait_until(lambda: not psutil.pid_exists(int(pids.read_text())), 10)
+
+
+# --------------------------------------------------------------------------------------------------- without data
 
 
 NEEDS = """# %%
@@ -200,10 +314,14 @@ def start_make(folder):
         if not (folder / package).exists():
             (folder / package).symlink_to(ROOT / package)
     (folder / ".venv").mkdir(exist_ok=True)
-    for made in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.made"):
+    for made in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.ran"):
         (folder / made).touch()
-    os.utime(folder / ".make" / "report.made", (2**32, 2**32))  # the report is our own project's
+    os.utime(folder / ".make" / "report.ran", (2**32, 2**32))  # the report is our own project's
     command = ["make", "all", "PACKAGES=", "BEYOND=", f"PY={sys.executable}"]
     command += [f"STAMPS={' '.join(f'.make/{name}.ran' for name in names)}"]
-    environment = {name: value for name, value in os.environ.items() if name != "BACKLASH_DATA"}
-    return subprocess.Popen(command, cwd=folder, env=environment, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(command, cwd=folder, env=without_data(), stderr=subprocess.DEVNULL)
+
+
+def without_data():
+    """The environment of a command that may ask for data."""
+    return {name: value for name, value in os.environ.items() if name != "BACKLASH_DATA"}

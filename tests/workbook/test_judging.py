@@ -9,6 +9,7 @@ from scipy import stats
 
 import workbook
 from replication import published, table2
+from replication.files import UserError
 from workbook import judging
 from workbook.outcomes import RESULTS, cell_rows, load_outcomes
 
@@ -83,12 +84,21 @@ def test_too_few_realisations_test_nothing(size):
     assert row["agreement"] == ("agrees" if size == 39 else "not tested")
 
 
-def test_a_number_that_is_missing_is_not_tested(tmp_path):
+def test_a_number_that_is_missing_is_refused_and_beside_a_notebook_not_tested(
+    tmp_path, monkeypatch
+):
     row = judged("table2.row02.sd", {"a": [math.nan] * 40})
     assert (row["agreement"], row["reason"]) == ("not tested", "no notebook computed it")
-    table = judging.verdicts(tmp_path).set_index("id")
-    assert list(table.index) == list(CELLS.index)
-    assert set(table.drop(DERIVED_CELLS)["agreement"]) == {"not tested"}
+    with pytest.raises(UserError, match="no notebook has computed it; make all"):
+        judging.verdicts(tmp_path)
+    outcomes = load_outcomes(RESULTS)
+    name = next(name for name, outcome in outcomes.items() if outcome["cells"])
+    outcomes[name]["cells"] = [
+        row | {"numbers": math.nan} for row in outcomes[name]["cells"] if row["id"] in TESTED
+    ]
+    monkeypatch.setattr(judging, "load_outcomes", lambda results: outcomes)
+    with pytest.raises(UserError, match="no notebook has computed it; make all"):
+        judging.verdicts(RESULTS)
 
 
 # ------------------------------------------------------------------- every number can end its agreement
@@ -169,7 +179,9 @@ def test_on_our_own_records_the_source_is_our_joint(monkeypatch):
     assert workbook.outcomes.source_of("text.load") == "taken over"
 
 
-def test_a_claim_that_no_notebook_decides_is_undecided_and_says_why(tmp_path):
-    claims = judging.claims(tmp_path).set_index("id")
+def test_a_claim_that_no_notebook_can_decide_says_why_and_another_is_refused(tmp_path):
+    claims = judging.claims(RESULTS).set_index("id")
     assert claims.loc["full_robot", "verdict"] == "undecided"
     assert "never published" in claims.loc["full_robot", "measured"]
+    with pytest.raises(UserError, match="no notebook has decided it; make all"):
+        judging.claims(tmp_path)

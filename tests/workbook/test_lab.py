@@ -31,7 +31,7 @@ def copies(tmp_path, monkeypatch):
 
 def test_a_solution_becomes_a_question_and_its_check_stays_without_an_answer(copies):
     asked, check, other = nbformat.read(copies / "00_first.ipynb", as_version=4).cells
-    assert asked.source == "# Your answer:\n..."
+    assert asked.source == "# Your answer:"
     assert check.source == "print('right')"
     assert [len(cell.outputs) for cell in (asked, check, other)] == [0, 0, 1]
 

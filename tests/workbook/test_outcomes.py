@@ -8,7 +8,7 @@ import pytest
 import workbook
 from replication.files import UserError
 from workbook import outcomes
-from workbook.outcomes import RESULTS
+from workbook.outcomes import RESULTS, ROOT
 
 CELL = "equation10.A2"
 
@@ -44,10 +44,85 @@ def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
     assert made["small.csv"] == "x\n0.333333\n"
 
 
-def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path):
-    file = tmp_path / "outcomes" / "06_characteristic_figure12.json"
+GOOD = {
+    "cells": [{"id": CELL, "source": "recomputed", "numbers": 1.0}],
+    "claims": [{"id": "monotone", "holds": None, "measured": "it is"}],
+    "facts": {},
+}
+WRONG = [
+    "",
+    '{"cells": [',
+    "[]",
+    "{}",
+    json.dumps(GOOD | {"cells": [{"id": "none", "source": "recomputed", "numbers": 1.0}]}),
+    json.dumps(GOOD | {"cells": [{"id": CELL, "source": "recomputed", "numbers": "1.0"}]}),
+    json.dumps(GOOD | {"cells": [{"id": CELL, "source": "recomputed", "numbers": {"a": 1.0}}]}),
+    json.dumps(GOOD | {"cells": [{"id": CELL, "numbers": 1.0}]}),
+    json.dumps(GOOD | {"cells": [CELL]}),
+    json.dumps(GOOD | {"claims": [{"id": "monotone", "holds": "yes", "measured": "it is"}]}),
+    json.dumps(GOOD | {"facts": {"count": 3}}),
+]
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path, text):
+    source = next(iter(outcomes.notebook_sources().values()))
+    file = tmp_path / "outcomes" / f"{source.stem}.json"
     file.parent.mkdir()
-    file.write_text('{"cells": [', "utf-8")
-    with pytest.raises(UserError, match=r"run notebooks/06_\w+\.py makes it again") as refused:
+    file.write_text(json.dumps(GOOD), "utf-8")
+    assert list(outcomes.load_outcomes(tmp_path)) == [source.stem]
+    file.write_text(text, "utf-8")
+    with pytest.raises(UserError, match=rf"run notebooks/{source.stem}\.py makes it$") as refused:
         outcomes.load_outcomes(tmp_path)
     assert str(file) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+# --------------------------------------------------------------------------------------- what a notebook makes
+
+
+def test_the_committed_files_are_those_that_the_notebooks_name():
+    named = [
+        name
+        for source in outcomes.notebook_sources().values()
+        for name in outcomes.listed_exports(source)
+    ]
+    assert len(named) == len({*named})
+    made = [*ROOT.glob("figures/*"), *ROOT.glob("results/outcomes/*")]
+    made += [*ROOT.glob("notebooks/*.ipynb"), *ROOT.glob("notebooks/beyond/*.ipynb")]
+    assert {file.relative_to(ROOT).as_posix() for file in made} <= {*named}
+    outcomes.refuse_missing()
+
+
+@pytest.fixture
+def small_project(tmp_path, monkeypatch):
+    """A project of one notebook, with everything that it makes."""
+    source = tmp_path / "notebooks" / "01_small.py"
+    source.parent.mkdir()
+    source.write_text(
+        'workbook.show_figure("one", figure, "A figure.")\n'
+        'workbook.verdict("A sentence.", cells, tables={"small": table})\n'
+    )
+    for name in outcomes.listed_exports(source):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    for name, folder in (("ROOT", ""), ("NOTEBOOKS", "notebooks"), ("RESULTS", "results")):
+        monkeypatch.setattr(outcomes, name, tmp_path / folder)
+    return tmp_path
+
+
+def test_each_missing_file_is_named_with_the_notebook_that_makes_it(small_project):
+    outcomes.refuse_missing()
+    files = [file for file in small_project.rglob("*.*") if file.suffix != ".py"]
+    assert len(files) == 5
+    for file in files:
+        file.unlink()
+        says = rf"^{file.relative_to(small_project)} is missing; .* run notebooks/01_small\.py"
+        with pytest.raises(UserError, match=says):
+            outcomes.refuse_missing()
+        file.touch()
+
+
+def test_a_kept_table_that_is_missing_is_named(small_project):
+    with pytest.raises(UserError, match=r"peers\.csv is missing; git checkout"):
+        outcomes.read_kept("peers")

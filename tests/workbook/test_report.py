@@ -1,11 +1,13 @@
 """The report and the README say what the results say, in words that follow from them."""
 
+import math
 import re
 
 import numpy as np
 import pytest
 
 from replication import published, table2
+from replication.files import UserError
 from workbook import ROOT, evidence, judging, report
 from workbook.outcomes import RESULTS
 
@@ -19,15 +21,32 @@ def facts():
 
 
 def render(facts, **changed):
-    return report.load_template().render(facts | changed, up="../")
+    return report.render(facts | changed)[0]
 
 
-def test_the_committed_report_and_readme_are_those_of_the_results(facts, tmp_path):
-    assert render(facts) == TEXT
-    copy = tmp_path / "README.md"
-    copy.write_text(README, encoding="utf-8")
-    report.write_report(RESULTS, copy)
-    assert copy.read_text("utf-8") == README
+def test_the_committed_report_and_readme_are_those_of_the_results(facts):
+    page, status = report.render(facts)
+    assert page == TEXT
+    assert f"-->\n{status}\n<!--" in README
+
+
+@pytest.mark.parametrize(
+    "absent", [{"f": {}}, {"hardware": None}, {"changed": None}, {"changed": math.nan}], ids=str
+)
+def test_the_report_refuses_to_say_what_is_absent(facts, absent):
+    with pytest.raises(UserError, match=r"run make all$"):
+        render(facts, **absent)
+
+
+def test_a_report_that_lacks_something_writes_nothing(tmp_path, monkeypatch):
+    written = {}
+    monkeypatch.setattr(report, "write_files", written.update)
+    report.write_report(RESULTS, ROOT / "README.md")
+    assert {file.name for file in written} >= {"report.md", "verdicts.csv", "README.md"}
+    written.clear()
+    with pytest.raises(UserError, match="no notebook has computed it"):
+        report.write_report(tmp_path, ROOT / "README.md")
+    assert not written
 
 
 def test_every_link_of_report_and_readme_leads_to_a_file():

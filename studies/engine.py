@@ -1,0 +1,411 @@
+"""Logs by a physics engine that nobody here wrote, MuJoCo: the paper's joint, drawn joints, and a six-axis arm.
+
+A joint is a rotor and a link on hinges. Its gear is a tendon of the length theta_m / N - theta_l, whose spring is slack
+over the gap; MuJoCo integrates that, friction, gravity, and how the links move each other. The digital drive, which is
+arithmetic, is written here once more, and so is the dampers' torque, because a tendon's own damper acts in the gap too.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.random import Generator
+from pandas import DataFrame
+
+from backlash.estimates import Estimate, estimate
+from replication import njit
+from replication.joint import GRAVITY, TURN, Joint, identified_joint, simulate
+from replication.signature import FloatArray
+
+SEED = 520617
+STEP_S = 1e-4
+TWIN_STEPS_S = (2.5e-5, 1e-5, 2.5e-6)
+TWIN_DELTA_RAD = 1.2e-3
+BACKLASH_RAD = (2e-4, 1.8e-3)
+_TURNS = 10.5
+_TURNS_BEFORE = 1.5
+_ENCODER_RAD = TURN / 2**17
+_TORQUE_NOISE = 0.005  # SD over gravity's torque
+_LOAD_SDS = (0.03, 0.02)  # relative, by which inertia ratio and gravity are misjudged
+_UPRIGHT = (0.0, 0.0, 1.0)  # axes of hinges; from the first link to the last
+_FORWARD = (0.0, 1.0, 0.0)
+
+
+class Link(NamedTuple):
+    """What a joint carries, in the frame of its hinge; its place is in the link before."""
+
+    axis: tuple[float, float, float]
+    mass_kg: float
+    centre_m: tuple[float, float, float]  # of mass
+    inertia_kgm2: tuple[float, float, float]  # about it
+    place_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    is_turned: bool = False  # by 90 degrees about y
+
+
+# Universal Robots' UR5e without its last link, as published in MuJoCo Menagerie, universal_robots_ur5e/ur5e.xml
+# (https://github.com/google-deepmind/mujoco_menagerie, BSD-3-Clause).
+_WRIST = (2.5599e-3, 2.5599e-3, 2.1942e-3)
+UR5E = (
+    Link(_UPRIGHT, 3.7, (0, 0, 0), (0.0102675, 0.0102675, 0.00666), (0, 0, 0.163)),
+    Link(_FORWARD, 8.393, (0, 0, 0.2125), (0.133886, 0.133886, 0.0151074), (0, 0.138, 0), True),
+    Link(_FORWARD, 2.275, (0, 0, 0.196), (0.0311796, 0.0311796, 0.004095), (0, -0.131, 0.425)),
+    Link(_FORWARD, 1.219, (0, 0.127, 0), _WRIST, (0, 0, 0.392), True),
+    Link(_UPRIGHT, 1.219, (0, 0, 0.1), _WRIST, (0, 0.127, 0)),
+)
+_FLANGE_M = (0.0, 0.0, 0.1)  # of wrist 3, in the link before
+
+
+class Machine(NamedTuple):
+    """Joints, each with rotor, elastic gear and drive, one on the other; the last one turns, the others hold."""
+
+    joints: tuple[Joint, ...]  # `Omega` is 0 of those that hold
+    links: tuple[Link, ...]
+    deltas_rad: tuple[float, ...]
+    drag: float = 0.0  # share of the dampers that acts in the gap, too
+
+    @property
+    def turning(self) -> Joint:
+        """The joint that turns."""
+        return self.joints[-1]
+
+    def of_joints(self, name: str) -> FloatArray:
+        """A field of each joint."""
+        return np.array([getattr(joint, name) for joint in self.joints], dtype=float)
+
+
+class EngineLog(NamedTuple):
+    """What a drive logs, at t [s]: the motor's position [rad] and torque [N m]; and what is said of the load."""
+
+    t: FloatArray
+    position_rad: FloatArray
+    torque: FloatArray
+    load: Mapping[str, float]  # options of `estimate`
+
+
+def mount_joint(joint: Joint, delta_rad: float, drag: float = 0.0) -> Machine:
+    """A joint on stiff ground, and a body that hangs from it with its J_l and G, half of J_l as a point's."""
+    arm, own = GRAVITY * joint.J_l / (2 * joint.G), joint.J_l / 2
+    load = Link(_FORWARD, joint.G / (GRAVITY * arm), (0, 0, -arm), (own, own, own))
+    return Machine((joint,), (load,), (delta_rad,), drag)
+
+
+# ----------------------------------------------------------------------------------------------------- the engine
+
+
+def build_model(machine: Machine, step_s: float) -> Any:
+    """The machine in MuJoCo: the rotors' hinges, then the links'."""
+    import mujoco  # which only those who run the engine need
+
+    spec = mujoco.MjSpec()
+    spec.option.timestep = step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.gravity = [0, 0, -GRAVITY]
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
+    for k, joint in enumerate(machine.joints):
+        rotor = Link(_FORWARD, 1.0, (0, 0, 0), (joint.J_m,) * 3)
+        rubbing = joint.motor_coulomb, joint.motor_viscous
+        _add_link(spec.worldbody, f"rotor {k}", rotor, *rubbing)
+    body = spec.worldbody
+    for k, (joint, link) in enumerate(zip(machine.joints, machine.links, strict=True)):
+        body = _add_link(body, f"link {k}", link, joint.load_coulomb, joint.load_viscous)
+    for k, (joint, delta) in enumerate(zip(machine.joints, machine.deltas_rad, strict=True)):
+        gear = spec.add_tendon(stiffness=joint.K_s, springlength=[-delta, delta])
+        gear.wrap_joint(f"rotor {k}", 1 / joint.N)
+        gear.wrap_joint(f"link {k}", -1)
+        motor = spec.add_actuator(target=f"rotor {k}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+        motor.dynprm[0] = joint.torque_lag
+    return spec.compile()
+
+
+def _add_link(parent: Any, name: str, link: Link, coulomb: float, viscous: float) -> Any:
+    """Put a link on a body, by a hinge that rubs."""
+    body = parent.add_body(pos=link.place_m, quat=[1, 0, int(link.is_turned), 0])
+    body.explicitinertial = True
+    body.mass, body.ipos, body.inertia = link.mass_kg, link.centre_m, link.inertia_kgm2
+    body.add_joint(name=name, axis=link.axis, frictionloss=coulomb, damping=viscous)
+    return body
+
+
+@njit
+def damp_gears(position, speed, gears, applied):
+    """Apply the dampers' torques to rotors and links; the teeth pull by no more than drags in the gap.
+
+    Rows of `gears` are N, K_s, D_s, delta [rad], and the share that acts in the gap, too.
+    """
+    joints = gears.shape[1]
+    for k in range(joints):
+        N, K_s, D_s, delta, drag = gears[:, k]
+        x = position[k] / N - position[joints + k]
+        rate = speed[k] / N - speed[joints + k]
+        torque = drag * D_s * rate
+        push = K_s * (abs(x) - delta)  # of the tendon's spring
+        if push > 0:
+            side = np.sign(x)
+            torque = side * max(side * D_s * rate, side * torque - push)
+        applied[k] = -torque / N
+        applied[joints + k] = torque
+
+
+class Drives:
+    """The drives of a machine, as `replication.joint` describes them."""
+
+    def __init__(self, machine: Machine, position: FloatArray, torque: FloatArray):
+        self.gains = {name: machine.of_joints(name) for name in ("K_pos", "K_p", "K_i", "K_d")}
+        self.gains |= {name: machine.of_joints(name) for name in ("K_w", "w_rate", "Omega")}
+        self.start = position
+        self.integral = torque
+        self.leaky = np.zeros_like(torque)
+        self.last = np.zeros_like(torque)
+        self.pending = [torque] * machine.turning.delay
+
+    def command(
+        self, t: float, position: FloatArray, speed: FloatArray, period: float
+    ) -> FloatArray:
+        """The torques to hold in the period that begins."""
+        k = self.gains
+        slow = k["Omega"] - speed
+        error = k["K_pos"] * (self.start + k["Omega"] * t - position) + slow
+        self.integral = self.integral + k["K_i"] * period * error
+        self.leaky = self.leaky + period * (slow - k["w_rate"] * self.leaky)
+        damping = k["K_d"] * (self.last - slow) / period
+        self.last = slow
+        self.pending.append(k["K_p"] * error + self.integral + k["K_w"] * self.leaky - damping)
+        return self.pending.pop(0)
+
+
+def _balance(machine: Machine, model: Any) -> Any:
+    """The machine's state `lead` before t = 0: at its speed, teeth in contact, torques in balance."""
+    import mujoco
+
+    N, Omega = machine.of_joints("N"), machine.of_joints("Omega")
+    angle = machine.of_joints("start_angle") - Omega / N * machine.turning.lead
+    data = mujoco.MjData(model)
+    data.qpos[:] = [*N * angle, *angle]
+    data.qvel[:] = [*Omega, *Omega / N]
+    mujoco.mj_forward(model, data)
+    links = slice(len(machine.joints), None)
+    holding = data.qfrc_bias[links] - data.qfrc_passive[links]  # gravity, less viscous friction
+    holding += machine.of_joints("load_coulomb") * np.sign(Omega)
+    gaps = np.array(machine.deltas_rad) * np.sign(holding)
+    data.qpos[links] -= gaps + holding / machine.of_joints("K_s")
+    rubbing = machine.of_joints("motor_viscous") * Omega
+    rubbing += machine.of_joints("motor_coulomb") * np.sign(Omega)
+    data.act[:] = holding / N + rubbing
+    return data
+
+
+def run_engine(machine: Machine, periods: int, step_s: float = STEP_S) -> FloatArray:
+    """Motor position [rad], speed [rad/s] and torque [N m] of the joint that turns, a row a period of its drive."""
+    import mujoco
+
+    model, count, period = build_model(machine, step_s), len(machine.joints), machine.turning.period
+    data = _balance(machine, model)
+    position, speed, torque, applied = data.qpos, data.qvel, data.act, data.qfrc_applied
+    drives = Drives(machine, position[:count].copy(), torque.copy())
+    gears = np.array([machine.of_joints(name) for name in ("N", "K_s", "D_s")])
+    drag = np.full(count, machine.drag)
+    gears = np.vstack([gears, machine.deltas_rad, drag])
+    rows = np.empty((periods, 3))
+    for i in range(periods):
+        rows[i] = position[count - 1], speed[count - 1], torque[-1]
+        data.ctrl[:] = drives.command(i * period, position[:count], speed[:count], period)
+        for _ in range(round(period / step_s)):
+            damp_gears(position, speed, gears, applied)
+            mujoco.mj_step(model, data)
+    return rows
+
+
+def measure_twin(step_s: float) -> float:
+    """NRMSE of the paper's joint in MuJoCo against ours with the clamped dead zone."""
+    joint = identified_joint()
+    own = simulate(joint._replace(clamped=True), TWIN_DELTA_RAD, step=5e-5).v
+    lead, every = round(joint.lead / joint.period), round(2e-3 / joint.period)
+    periods = lead + every * (own.size - 1) + 1
+    rows = run_engine(mount_joint(joint, TWIN_DELTA_RAD), periods, step_s)
+    return float(np.sqrt(np.mean((rows[lead::every, 1] / TURN - own) ** 2)) / own.std())
+
+
+# ------------------------------------------------------------------------------------------------ what is drawn
+
+
+def draw_joint(rng: Generator, delta_rad: float, drag: float = 0.0) -> Machine:
+    """Draw a joint that turns round a load of 4 to 25 kg, and whose drive is tuned to it."""
+    mass, arm = rng.uniform(4, 25), rng.uniform(0.15, 0.5)
+    J_l = mass * arm**2 * rng.uniform(1.02, 1.5)
+    joint = _draw_turning(rng, rng.uniform(50, 160), J_l, GRAVITY * mass * arm, (12, 40))
+    return mount_joint(joint, delta_rad, drag)
+
+
+def _draw_turning(
+    rng: Generator, N: float, J_l: float, G: float, rings_hz: tuple[float, float]
+) -> Joint:
+    """Draw rotor, gear, friction and drive of a joint that turns round."""
+    ratio, ring = rng.uniform(0.6, 4), TURN * rng.uniform(*rings_hz)
+    J_m = J_l / (N**2 * ratio)
+    turn_s = rng.uniform(0.8, 2.2)
+    bandwidth = TURN * rng.uniform(8, 30)
+    K_p = J_m * bandwidth * (1 + 0.3 * ratio)
+    return Joint(
+        N=N,
+        J_m=J_m,
+        J_l=J_l,
+        G=G,
+        K_s=J_l * ring**2,
+        K_pos=rng.uniform(0, 0.2) * bandwidth,
+        K_p=K_p,
+        K_i=K_p * bandwidth / rng.uniform(4, 10),
+        K_d=0.0,
+        K_w=0.0,
+        w_rate=0.0,
+        torque_lag=rng.uniform(3e-4, 1e-3),
+        start_angle=rng.uniform(0, TURN),
+        lead=0.0,
+        D_s=2 * rng.uniform(0.01, 0.06) * ring * J_l,
+        delay=0,
+        Omega=TURN * N / turn_s,
+        motor_viscous=rng.uniform(0, 0.2) * G / N / (TURN * N / turn_s),
+        motor_coulomb=rng.uniform(0.05, 0.5) * G / N,
+        load_coulomb=rng.uniform(0.02, 0.3) * G,
+    )
+
+
+def draw_arm(rng: Generator, turning_rad: float, others_rad: float) -> Machine:
+    """Draw an arm of 5 kg whose last joint turns an off-centre payload round a horizontal axis.
+
+    Half plays are those of that joint, and of shoulder and elbow. Stiffness and rotors are those of strain wave gears
+    of the sizes; no maker publishes all of them.
+    """
+    mass, arm = rng.uniform(2, 4.5), rng.uniform(0.1, 0.25)
+    own = mass * arm**2 * rng.uniform(0.05, 0.3)
+    payload = Link(_FORWARD, mass, (arm, 0.1, 0.0), (own, own, own), _FLANGE_M)
+    last = _draw_turning(rng, 101.0, mass * arm**2 + own, GRAVITY * mass * arm, (14, 35))
+    shoulder, elbow = rng.uniform(-1.4, -1.0), rng.uniform(0.8, 1.2)
+    pose = rng.uniform(-1, 1), shoulder, elbow, -shoulder - elbow, rng.uniform(-0.8, 0.8)
+    stiffness = 2e4, 2e4, 1e4, 4e3, 4e3
+    rotors = 2e-4, 2e-4, 2e-4, 5e-5, 5e-5
+    inertias = 2.0, 2.0, 0.8, 0.2, 0.2  # roughly, of what lies beyond
+    holding = [
+        last._replace(
+            J_m=J_m,
+            J_l=J_l,
+            K_s=K_s,
+            D_s=0.06 * math.sqrt(K_s * J_l),
+            K_p=J_m * last.K_p / last.J_m,
+            K_i=J_m * last.K_i / last.J_m,
+            K_pos=20.0,
+            start_angle=angle,
+            Omega=0.0,
+            motor_viscous=0.0,
+            motor_coulomb=0.02,
+            load_coulomb=0.0,
+        )
+        for J_m, J_l, K_s, angle in zip(rotors, inertias, stiffness, pose, strict=True)
+    ]
+    deltas = 0.0, others_rad, others_rad, 0.0, 0.0, turning_rad
+    return Machine((*holding, last), (*UR5E, payload), deltas)
+
+
+def make_log(machine: Machine, seed: int | Generator) -> EngineLog:
+    """What a drive with an encoder of 17 bits logs of a machine, and what an engineer says of its load."""
+    rng = np.random.default_rng(seed)
+    joint = machine.turning
+    every = int(rng.choice([2, 4]))  # periods between samples
+    before, during = (
+        round(turns * joint.turn_period / joint.period) for turns in (_TURNS_BEFORE, _TURNS)
+    )
+    position, _, torque = run_engine(machine, before + during)[before::every].T
+    noise = _TORQUE_NOISE * joint.G / joint.N
+    inertia, gravity = np.exp(rng.standard_normal(2) * _LOAD_SDS)
+    return EngineLog(
+        every * joint.period * np.arange(position.size),
+        np.floor(position / _ENCODER_RAD) * _ENCODER_RAD,
+        torque + noise * rng.standard_normal(torque.size),
+        {
+            "gear_ratio": joint.N,
+            "inertia_ratio": inertia * joint.J_l / (joint.N**2 * joint.J_m),
+            "gravity_per_s2": gravity * joint.G / joint.J_l,
+        },
+    )
+
+
+# ------------------------------------------------------------------------------------------------ what is asked
+
+TWIN, TURNS, HEALTHY, DRAG, ARM = "twin", "turns", "turns, healthy", "drag in the gap", "arm"
+LOGS = {TURNS: 60, HEALTHY: 20, DRAG: 40, ARM: 20}
+_DRAGS = np.linspace(0.1, 1.0, LOGS[DRAG])
+# Half plays [rad] of an arm's turning joint, and of its shoulder and elbow: each arm is asked with all four.
+ARM_PLAYS_RAD = ((0.0, 0.0), (6e-4, 0.0), (1.2e-3, 0.0), (0.0, 1.2e-3))
+
+
+def draw_machine(population: str, number: int) -> Machine:
+    """Draw the machine of a log; every fifth joint with drag has no backlash."""
+    if population == ARM:
+        arm, plays = divmod(number, len(ARM_PLAYS_RAD))
+        return draw_arm(_generator(population, arm), *ARM_PLAYS_RAD[plays])
+    rng = _generator(population, number)
+    delta = rng.uniform(*BACKLASH_RAD)
+    if population == HEALTHY or (population == DRAG and number % 5 == 4):
+        delta = 0.0
+    return draw_joint(rng, delta, _DRAGS[number] if population == DRAG else 0.0)
+
+
+def _generator(population: str, *numbers: int) -> Generator:
+    return np.random.default_rng((SEED, [*LOGS].index(population), *numbers))
+
+
+def ask_sensor(log: EngineLog, **options: Any) -> Estimate:
+    """What the sensor says of a log."""
+    return estimate(log.t, log.position_rad, position=True, unit="rad/s", **options)
+
+
+def log_of(population: str, number: int) -> EngineLog:
+    """Log a machine; the logs of an arm have the same noise."""
+    drawn = number // len(ARM_PLAYS_RAD) if population == ARM else number
+    return make_log(draw_machine(population, number), _generator(population, drawn, 1))
+
+
+def measure_log(population: str, number: int) -> dict[str, object]:
+    """Ask the sensor of a log: by the torque, and of an arm for the index A, too."""
+    machine, log = draw_machine(population, number), log_of(population, number)
+    answer = ask_sensor(log, torque=log.torque, **log.load)
+    low, high = answer.backlash_interval_rad or (math.nan, math.nan)
+    return {
+        "population": population,
+        "number": number,
+        "delta_rad": machine.deltas_rad[-1],
+        "others_rad": max(machine.deltas_rad[:-1], default=0.0),
+        "drag": machine.drag,
+        "verdict": answer.verdict,
+        "reason": answer.reason or "",
+        "backlash_rad": math.nan if answer.backlash_rad is None else answer.backlash_rad,
+        "low_rad": low,
+        "high_rad": high,
+        "amplitude_rps": _index(log) if population == ARM else math.nan,
+    }
+
+
+def _index(log: EngineLog) -> float | None:
+    """The paper's A [rps], by the speed alone."""
+    return ask_sensor(log, method="amplitude", gear_ratio=log.load["gear_ratio"]).amplitude_rps
+
+
+def measure_all() -> DataFrame:
+    """The paper's joint at each step, then what the sensor says of each log, a row a log."""
+    calls = [(population, number) for population, logs in LOGS.items() for number in range(logs)]
+    asked = Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls)
+    twins = [
+        {"population": TWIN, "number": k, "delta_rad": TWIN_DELTA_RAD}
+        | {"step_s": step_s, "nrmse": measure_twin(step_s)}
+        for k, step_s in enumerate(TWIN_STEPS_S)
+    ]
+    return DataFrame([*twins, *asked])
+
+
+def compare_arms(rows: DataFrame) -> DataFrame:
+    """The index A [rps] of each arm, a column for each pair of `ARM_PLAYS_RAD`."""
+    arms = rows[rows["population"] == ARM]
+    table = arms.assign(arm=arms["number"] // len(ARM_PLAYS_RAD))
+    return table.pivot(index="arm", columns=["delta_rad", "others_rad"], values="amplitude_rps")

@@ -1,0 +1,69 @@
+"""The engine gives the paper's joint, its logs are answered."""
+
+import numpy as np
+import pytest
+
+from backlash.estimates import NONE
+from replication.joint import identified_joint
+from studies import engine
+
+JOINT = identified_joint()
+
+
+@pytest.fixture
+def mujoco():
+    """The physics engine, which `make .venv/.studies` installs."""
+    return pytest.importorskip("mujoco", reason="needs the package mujoco-core")
+
+
+def test_the_engine_gives_the_paper_s_joint_to_the_first_order_in_its_step(mujoco):
+    coarse, fine = (engine.measure_twin(step_s) for step_s in (1e-4, 2.5e-5))
+    assert coarse / fine == pytest.approx(4, rel=0.15)
+    assert fine < 6e-3
+
+
+@pytest.mark.parametrize("population", [engine.TURNS, engine.HEALTHY])
+def test_the_sensor_is_right_on_a_log_of_the_engine(population, mujoco):
+    made = engine.measure_log(population, 0)
+    if population == engine.HEALTHY:
+        assert made["verdict"] == NONE
+    else:
+        assert made["low_rad"] < made["delta_rad"] < made["high_rad"]
+
+
+def test_the_load_that_hangs_from_a_joint_has_its_inertia_and_gravity(mujoco):
+    model = engine.build_model(engine.mount_joint(JOINT, 1e-3), 1e-4)
+    data = mujoco.MjData(model)
+    data.qacc[:] = 1
+    mujoco.mj_inverse(model, data)
+    assert data.qfrc_inverse == pytest.approx([JOINT.J_m, JOINT.J_l])
+    data.qpos[:] = 0, np.pi / 2
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_bias == pytest.approx([0, JOINT.G])
+
+
+def test_teeth_push_outside_the_gap_and_only_drag_inside_it():
+    gear = np.array([[10.0], [500.0], [2.0], [1e-3], [0.25]])  # N, K_s, D_s, delta, drag
+    applied = np.empty(2)
+    on_load = []
+    for x, rate in ((2e-3, 0.1), (5e-4, 0.1), (2e-3, -10.0), (-2e-3, 10.0)):
+        position, speed = np.array([10 * x, 0.0]), np.array([10 * rate, 0.0])
+        engine.damp_gears(position, speed, gear, applied)
+        assert applied[0] == pytest.approx(-applied[1] / 10)
+        on_load.append(applied[1])
+    # In contact the spring pushes by 0.5 N m; when the teeth part fast, no more is left of it than the drag.
+    assert on_load == pytest.approx([0.2, 0.05, -5.0 - 0.5, 5.0 + 0.5])
+
+
+def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_payload(mujoco):
+    machine = engine.draw_arm(np.random.default_rng(1), 1e-3, 0.0)
+    model = engine.build_model(machine, 1e-4)
+    data = mujoco.MjData(model)
+    data.qpos[6:] = machine.of_joints("start_angle")
+    moments = []
+    for turned in np.linspace(0, 2 * np.pi, 24, endpoint=False):
+        data.qpos[11] = turned
+        mujoco.mj_forward(model, data)
+        moments.append(data.qfrc_bias[11])
+    assert data.xaxis[-1][2] == pytest.approx(0, abs=1e-12)
+    assert max(moments) == pytest.approx(machine.turning.G, rel=0.02)

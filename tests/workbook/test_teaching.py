@@ -1,0 +1,77 @@
+"""What a notebook tells a student: whether an answer is right, and how long a notebook takes."""
+
+import numpy as np
+import pytest
+
+from workbook import check_answer, outcomes, say_times, teaching
+from workbook.teaching import reading_minutes
+
+
+@pytest.mark.parametrize(
+    ("answer", "expected", "to", "printed"),
+    [
+        (1.05, 1, 0.1, "right"),
+        (0.9, 1, 0.1, "right"),
+        (1.15, 1, 0.1, "not yet"),
+        (-1, 1, 0.1, "not yet"),
+        ([0, 1], [0, 1], 0.1, "right"),
+        ([0, 1], 1, 0.1, "not yet"),
+        (3, lambda n: n > 2, 0.1, "right"),
+        (12, 12, 0, "right"),
+        (12.0, 12, 0, "right"),
+        (11, 12, 0, "not yet"),
+        (11.36, 12, 0, "not yet: a whole number is asked for"),
+        ("one", 1, 0.1, "not yet: 'one' is not a number"),
+        ([1, [2]], [1, 2], 0.1, "not yet: [2] is not a number"),
+    ],
+)
+def test_an_answer_is_right_or_not_yet_and_a_wrong_kind_is_named(
+    answer, expected, to, printed, capsys
+):
+    check_answer(answer, expected, to)
+    assert capsys.readouterr().out == f"{printed}\n"
+
+
+@pytest.mark.parametrize("expected", [1, [1, 2], lambda n: 1 / 0])
+def test_of_an_answer_that_is_not_there_nothing_is_said(expected, capsys):
+    check_answer(np.nan, expected, 0.1)
+    assert capsys.readouterr().out == ""
+
+
+SOURCE = """# %% [markdown]
+# # A title
+#
+# $$a = b$$
+
+# %% tags=["hide-input"]
+folded = 1
+workbook.show(figure, "three words more")
+
+# %%
+visible = 1
+also = 2
+
+# %% tags=["solution"]
+unread = 1
+"""
+
+
+def test_the_reading_time_counts_words_visible_code_equations_and_figures(tmp_path, monkeypatch):
+    (tmp_path / "small.py").write_text(SOURCE, "utf-8")
+    monkeypatch.setattr(teaching, "notebook_sources", lambda: {"small": tmp_path / "small.py"})
+    words = 3  # with the title's mark
+    assert reading_minutes("small") == pytest.approx(words / 150 + 2 / 12 + 1 + 0.5)
+
+
+def test_a_head_says_the_measured_time_and_none_where_none_was_measured(monkeypatch):
+    said = []
+    monkeypatch.setattr(teaching, "say", said.append)
+    monkeypatch.setattr(teaching, "reading_minutes", lambda name: 19.6)
+    times = outcomes.pd.DataFrame({"notebook": ["small"], "seconds": [31]})
+    monkeypatch.setattr(teaching, "read_kept", lambda name: times)
+    say_times("small")
+    say_times("new")
+    assert said == [
+        "*Reading time: 20 min. Run time: 1 min.*",
+        "*Reading time: 20 min. Run time: not measured.*",
+    ]

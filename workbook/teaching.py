@@ -1,0 +1,99 @@
+"""What a notebook says to a student: its times, findings, changes to try, and whether an answer is right."""
+
+import ast
+import re
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workbook.outcomes import notebook_sources, read_kept, say
+from workbook.parameters import is_number
+
+# A model of a slow reader.
+WORDS_PER_MINUTE = 150
+LINES_PER_MINUTE = 12  # of code that is not folded
+EQUATION_MINUTES = 1.0
+FIGURE_MINUTES = 0.5
+FOLDED = {"hide-input", "hide-cell", "remove-input"}
+EXERCISE = {"solution", "check"}
+EQUATION = re.compile(r"\$\$.*?\$\$", re.DOTALL)
+FIGURES = re.compile(r"workbook\.(?:show|show_figure|flipbook)\(")
+
+
+def reading_minutes(name: str) -> float:
+    """How long a reader takes for a notebook, without its exercises' code: words, visible code, equations, figures."""
+    import jupytext  # slow to import
+
+    words = lines = equations = figures = 0
+    for cell in jupytext.read(notebook_sources()[name]).cells:
+        tags = set(cell.metadata.get("tags", []))
+        if cell.cell_type == "markdown":
+            equations += len(EQUATION.findall(cell.source))
+            words += len(EQUATION.sub("", cell.source).split())
+        elif not tags & EXERCISE:
+            figures += len(FIGURES.findall(cell.source))
+            words += sum(len(text.split()) for text in _sentences(cell.source))
+            visible = [] if tags & FOLDED else cell.source.splitlines()
+            lines += sum(bool(line.strip()) for line in visible)
+    minutes = words / WORDS_PER_MINUTE + lines / LINES_PER_MINUTE
+    return minutes + EQUATION_MINUTES * equations + FIGURE_MINUTES * figures
+
+
+def _sentences(code: str) -> list[str]:
+    """Texts of some words in a cell's code: captions and findings."""
+    texts = [each.value for each in ast.walk(ast.parse(code)) if isinstance(each, ast.Constant)]
+    return [text for text in texts if isinstance(text, str) and text.count(" ") > 2]
+
+
+def say_times(name: str) -> None:
+    """Say how long a notebook takes to read, by a model, and to run, as measured (`results/notebook_times.csv`)."""
+    measured = read_kept("notebook_times").set_index("notebook")["seconds"]
+    half_minutes = -(-measured.get(name, np.nan) // 30)
+    run = f"{half_minutes / 2:g} min" if half_minutes > 0 else "not measured"
+    say(f"*Reading time: {reading_minutes(name):.0f} min. Run time: {run}.*")
+
+
+class Change(NamedTuple):
+    """A change that a student is asked to try, and what it does: a promise, which a test keeps."""
+
+    code: str  # parameters that are set; or code and what replaces it, with an arrow between them
+    then: str  # what happens, in words
+    holds: Callable[
+        [Any, Any], bool
+    ]  # the same of the names of the changed and of the unchanged run
+
+
+def try_changing(*changes: Change) -> None:
+    """Show the changes as a list."""
+    say("\n".join(f"{k}. `{each.code}`: {each.then}" for k, each in enumerate(changes, 1)))
+
+
+def check_answer(answer: Any, expected: Any, to: float = 0.0) -> None:
+    """Print "right" or "not yet", or which part of an answer is no number; nothing while it is nan.
+
+    Parameters
+    ----------
+    answer : number or numbers
+        nan stands for no answer yet.
+    expected : number, numbers or function
+        What is right; or a condition of a number.
+    to : float
+        The precision that the exercise asks for: an answer may lie so far off. 0: it asks for a whole number.
+    """
+    given = np.array(answer, dtype=object)
+    if wrong := [each for each in given.flat if not is_number(each)]:
+        print(f"not yet: {wrong[0]!r} is not a number")
+        return
+    numbers = given.astype(float)[()]
+    if np.isnan(numbers).any():
+        return
+    if to == 0 and (numbers % 1 != 0).any():
+        print("not yet: a whole number is asked for")
+        return
+    is_right = given.shape == np.shape(expected)
+    if is_right and callable(expected):
+        is_right = bool(expected(numbers))
+    elif is_right:
+        is_right = np.allclose(numbers, expected, rtol=0, atol=to * (1 + 1e-9))
+    print("right" if is_right else "not yet")
