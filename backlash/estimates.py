@@ -118,7 +118,7 @@ def examine(
         read = _with_own_period(read)
         answer = _with_log(answer, read, request)
         if read.torque is not None:
-            _refuse_averaged(read.recording, read.torque)
+            refuse_averaged(read.recording, read.torque)
         if request.load:
             return _answer_by_torque(read, request.load, answer)
         return _answer_by_amplitude(read, answer)
@@ -185,7 +185,7 @@ def _with_own_period(log: Log) -> Log:
     return replace(log, recording=own, notes=(*log.notes, note))
 
 
-def _refuse_averaged(recording: Recording, torque: FloatArray) -> None:
+def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
     """Refuse a torque that is a running mean, which no low-pass of the fit follows.
 
     The differences of a mean of n values have those of n samples before, with the other sign, and else nothing in

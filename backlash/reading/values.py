@@ -79,13 +79,13 @@ def mark_frozen(samples: Samples) -> Samples:
         is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
         if name == "speed":  # a motor at rest has one
             is_leap &= np.abs(signal[starts]) > 0.05 * np.abs(signal).max()
-        for start, length in zip(starts[is_leap], lengths[is_leap], strict=True):
-            if length >= least:
-                what = (
-                    f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
-                    "stand-in for missing values; cut the log there"
-                )
-                samples = samples.suspecting(name, np.arange(start, start + length), what)
+        is_frozen = is_leap & (lengths >= least)
+        for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
+            what = (
+                f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
+                "stand-in for missing values; cut the log there"
+            )
+            samples = samples.suspecting(name, np.arange(start, start + length), what)
     return samples
 
 
