@@ -36,7 +36,7 @@ class Estimate:
     amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
     method: str = AMPLITUDE  # or "torque"
     chi_squared: float | None = None  # per compared number; about 1 where model and noise are right
-    # By the torque: stiffness K_s / J_l, damping ratio, the half as stiff part beyond the gap, load friction over
+    # By the torque: stiffness K_s / J_l, damping ratio, the softer part beyond the gap, load friction over
     # gravity, loss, gravity m g r / J_l, inertia ratio, motor inertia in the torque's unit, the torque's delay and
     # low-pass, the speed's lag; each with its SD.
     joint: dict[str, tuple[float, float]] | None = None
@@ -120,6 +120,6 @@ def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
         "gravity: as in the data sheet?",
         f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
         f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
-        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth half as stiff "
+        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth softer "
         f"over {soft_mrad:.2f} mrad beyond the gap",
     ]

@@ -18,7 +18,7 @@ from backlash.estimates import Estimate, estimate
 from replication.joint import TURN
 from replication.records import public_file
 from replication.signature import FloatArray
-from studies.benches import (
+from studies.simulated_joints import (
     CONTROL_S,
     Fault,
     draw_joint,

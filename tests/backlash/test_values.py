@@ -1,4 +1,4 @@
-"""Values that no logger measured, or not at their stamps: told for what they are, or undone; coarse ones are left alone."""
+"""Values that no logger measured: told for what they are, or undone; coarse ones are left alone."""
 
 from dataclasses import replace
 
