@@ -71,12 +71,12 @@ def open_log(
 
 def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
     """A refusal, or the cause that lies before it; with what else may be wrong."""
-    if refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
-        if samples.suspects and samples.suspects[0].is_of_movement:
-            refusal = samples.suspects[0].refusal()
-        if cell := table.doubtful.get(samples.columns.signal):
-            less = cell.replace(".", "")
-            refusal = refusal.adding(f"{cell} may be {less}, its point a mark of thousands")
+    if samples.suspects and samples.suspects[0].is_of_movement:
+        return samples.suspects[0].refusal()
+    cell = table.doubtful.get(samples.columns.signal)
+    if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
+        whole = cell.replace(".", "")
+        refusal = refusal.adding(f"{cell} may be {whole}, its point a mark of thousands")
     if table.sheet and refusal.is_unusable:
         refusal = refusal.adding(f"read was the sheet {table.sheet}")
     return refusal
@@ -164,26 +164,22 @@ def unwrap_position(samples: Samples) -> Samples:
 
 def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
     """Turns after which a position starts anew; 0 if it does not."""
-    moduli = [1.0]
-    if counts_per_turn:
-        moduli += (2.0 ** np.arange(8, 33) / counts_per_turn).tolist()
     span = float(np.ptp(turns))
-    for modulus in sorted(moduli):
-        if 0.5 * modulus < span <= modulus * (1 + 1e-9):
-            return modulus
+    rounds = [1.0]
+    if counts_per_turn:
+        rounds += (2.0 ** np.arange(8, 33) / counts_per_turn).tolist()
     # A saw: steps of one direction, and some back over nearly all of the span.
     steps = np.diff(turns)
     usual = float(np.median(steps))
-    back = np.abs(steps[(np.abs(steps) > 0.9 * span) & (np.sign(steps) == -np.sign(usual))])
-    if not back.size or np.any(steps * np.sign(usual) > 0.5 * span):
-        return 0.0
-    size, near = float(np.median(back)) + abs(usual), max(2 * abs(usual), 1e-6 * span)
-    moduli = [float(np.rint(size))]
+    is_back = (np.abs(steps) > 0.9 * span) & (np.sign(steps) == -np.sign(usual))
+    if not is_back.any() or (steps * np.sign(usual) > 0.5 * span).any():
+        return min((m for m in rounds if 0.5 * m < span <= m * (1 + 1e-9)), default=0.0)
+    size = float(np.median(np.abs(steps[is_back]))) + abs(usual)
     if counts_per_turn:
-        moduli += (10.0 ** np.arange(2, 10) / counts_per_turn).tolist()
-    for modulus in moduli:
-        if modulus >= span and abs(modulus - size) <= near:
-            return modulus
+        rounds += (10.0 ** np.arange(2, 10) / counts_per_turn).tolist()
+    best = min((*rounds, float(np.rint(size))), key=lambda modulus: abs(modulus - size))
+    if best * (1 + 1e-9) >= span and abs(best - size) <= 2 * abs(usual):
+        return best
     raise Refusal(
         f"the position starts anew every {size:.5g} turns, which are no whole ones; give --counts-per-turn of the "
         "encoder, or --unit"
