@@ -31,7 +31,7 @@ def test_the_committed_report_and_readme_are_those_of_the_results(facts):
 
 
 @pytest.mark.parametrize(
-    "absent", [{"f": {}}, {"hardware": None}, {"changed": None}, {"changed": math.nan}], ids=str
+    "absent", [{"f": {}}, {"hardware": None}, {"weak": None}, {"weak": math.nan}], ids=str
 )
 def test_the_report_refuses_to_say_what_is_absent(facts, absent):
     with pytest.raises(UserError, match=r"run make all$"):
@@ -66,12 +66,61 @@ def test_make_check_prints_every_number_and_notices_a_new_difference():
 
 def test_a_number_that_changes_changes_the_sentences(facts):
     claims = facts["claims"].assign(verdict="holds")
-    assert f"{len(claims)} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
+    sentences = (claims["of"] == "paper").sum()
+    assert f"{sentences} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
     some = {"logs": 20, "refused": 20, "reasons": [("wrong period", 9)]}
     assert "of none is" not in render(facts, hardware=some)
     said = render(facts, hardware=some | {"refused": 15})
     assert "of 20 public logs of other joints our sensor refuses 15" in said
     assert "of none is the backlash known" in said
+
+
+def test_the_sentences_on_claims_move_with_their_verdicts(facts):
+    claims = facts["claims"].copy()
+    assert "In rad they grow with the backlash" in render(facts)
+    claims.loc["quality_decreases", "verdict"] = "does not hold"
+    claims.loc["error_below_10_method", "measured"] = "7 % of our 9 tables"
+    said = render(facts, claims=claims)
+    assert "In rad they do not grow with the backlash" in said
+    assert "the printed ones are; 7 % of our 9 tables" in said
+
+
+def test_a_number_that_agrees_weakly_is_counted_apart(facts):
+    verdicts = judging.verdicts(RESULTS)
+    verdicts.loc[verdicts["id"] == "table2.row05.mean", "weak"] = "yes"
+    weaker = report.describe(verdicts, judging.claims(RESULTS), RESULTS)
+    assert weaker["strong"] == facts["strong"] - 1
+    assert f"{weaker['strong']} agree by our own computation" in render(weaker)
+
+
+def test_the_theoretical_amplitudes_that_move_move_the_sentence_on_their_bias(facts):
+    cells = report.describe_cells(judging.verdicts(RESULTS))
+    assert report.describe_theoretical(cells)["mean"] == pytest.approx(1.11, abs=0.02)
+    moved = cells.assign(reproduced=0.99 * cells["reproduced"])
+    assert report.describe_theoretical(moved)["mean"] == pytest.approx(0.10, abs=0.02)
+    none = facts["theoretical"] | {"t": 0.4}
+    assert "no bias stands out" in render(facts, theoretical=none)
+
+
+def test_every_change_of_a_rule_starts_where_the_one_before_it_ended_and_ends_at_todays_verdict(
+    facts,
+):
+    table = published.table("deviations")
+    claims = facts["claims"]
+    for claim, changes in table[table["claim"] != ""].groupby("claim"):
+        assert claim in claims.index
+        verdicts = changes["verdict_before"].tolist()
+        assert changes["verdict_after"].tolist() == [*verdicts[1:], ""]  # empty: as today
+        assert set(verdicts) <= {*judging.CLAIM_VERDICTS.values()}
+    for change in facts["deviations"]:
+        assert f"{change['before']}: *{change['verdict_before']}*" in facts["chains"][
+            change["rule"]
+        ] or (change["verdict_before"] == "")
+    assert (table[["rule", "before", "after", "why"]] != "").all(axis=None)
+
+
+def test_every_kind_of_erratum_has_its_heading():
+    assert set(published.table("errata")["kind"]) == set(report.ERRATA)
 
 
 # ------------------------------------------------------------------------------------------------ Table 2 as a whole
@@ -110,15 +159,15 @@ def test_what_rejects_a_start_is_counted_in_its_sentence(facts):
     said = render_evidence(facts, "whole record", means=some)
     assert "rejected by 5 of 12 tests (8 settings" in said
     assert "p from below 0.001 to 0.2)" in said
-    assert "*For each fit*: rejected by none of 12 tests" in render_evidence(
-        facts, "per fit", means=some._replace(rejected=0)
-    )
+    said = render_evidence(facts, "per fit", excluded_by="all 7 scores", sds=some)
+    assert "*For each fit*: excluded by all 7 scores." in said
+    assert "and\n  5 of 12 tests; per table" in said
     said = render_evidence(facts, "per table", means=some._replace(rejected=12), reaching=3)
-    assert "*Once for the table*: by all of 12 tests; 3 of" in said
+    assert "*Once for the table*: all of 12 tests of the means reject it, " in said
+    assert "Of the tables with one start 3 of" in said
     few = some._replace(tests=0, rejected=0)
-    assert "by none, because so few tables can reject nothing" in render_evidence(
-        facts, "per table", means=few
-    )
+    said = render_evidence(facts, "per table", means=few)
+    assert "*Once for the table*: none (too few tables) of 0 tests of the means" in said
     said = render_evidence(facts, "per row", inside=[8.0, 9.0], above=4, excluded_by="no score")
     assert (
         "8 to 9 of 10 means lie in our intervals, 4 above our medians; excluded by no score" in said
@@ -131,6 +180,8 @@ def test_the_score_decides_the_sds_only_where_scores_differ(facts):
         sds = tests._replace(rejected=rejected)
         said = render_evidence(facts, "whole record", sds=sds)
         assert ("SDs: the score decides" in said) == decides
+    said = render_evidence(facts, "whole record", sds_without_row_10=tests._replace(rejected=1))
+    assert f"those of rows 1\n  to 9 by 1 of {tests.tests} tests" in said
     p = facts["evidence"]["p"] | {("SDs", "squares"): 0.77}
     assert "p = 0.77 by squares" in render_evidence(facts, p=p)
     said = render_evidence(facts, row10_below=300, row10_smallest=0.0123)
