@@ -13,7 +13,7 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 _MODULE_OF = {
-    "Estimate": "estimates",
+    "Estimate": "answer",
     "Log": "reading.prepare",
     "Reason": "refusals",
     "Refusal": "refusals",

@@ -2,7 +2,7 @@
 
 import sys
 
-from backlash.main import main
+from backlash.cli import main
 
 if __name__ == "__main__":
     sys.exit(main())

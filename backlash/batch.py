@@ -17,12 +17,13 @@ import pandas as pd
 from tqdm import tqdm
 
 from backlash import __version__
-from backlash.estimates import Estimate, examine_or_refuse, refused
-from backlash.plant import Batch, TableOfLogs, escape, read_batch
+from backlash.answer import Estimate
+from backlash.estimates import Request, examine_or_refuse, refused
+from backlash.log_list import Batch, TableOfLogs, read_batch
 from backlash.reading.sources import name_of
 from backlash.refusals import Refusal
-from backlash.settings import Settings
 
+_FORMULA = re.compile(r"(^|[,;\t\r\n])(?=\s*[=+@\t\r-])")
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
 Draw: TypeAlias = Callable[[Estimate, str], None]
 
@@ -64,7 +65,7 @@ def estimate_many(
     """
     batch = read_batch(logs, given)
     answers = dict(run_batch(batch, jobs))
-    table = batch.keys.join(as_table([answers[number] for number in sorted(answers)]))
+    table = as_table([answers[number] for number in sorted(answers)], batch.keys)
     return table.set_index([*batch.keys]) if len(batch.keys.columns) else table
 
 
@@ -78,7 +79,7 @@ def run_batch(
     """
     if jobs == 0 or jobs < -1:
         raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
-    calls = dict(enumerate(zip(batch.logs, batch.settings, strict=True)))
+    calls = dict(enumerate(zip(batch.logs, batch.requests, strict=True)))
     keys = {number: _key(*call) for number, call in calls.items()} if journal else {}
     earlier = read_journal(journal) if journal else {}
     for number, key in keys.items():
@@ -95,11 +96,11 @@ def run_batch(
                 file.write(json.dumps({"key": keys[number], **row}) + "\n")
 
 
-def _key(log: object, settings: Settings | Refusal) -> str:
+def _key(log: object, request: Request | Refusal) -> str:
     """What the answer on a log in its present state is kept under."""
     path = Path(os.path.realpath(name_of(log)))
     state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
-    return str(joblib.hash((__version__, path, state, settings)))
+    return str(joblib.hash((__version__, path, state, request)))
 
 
 def read_journal(journal: Path) -> dict[str, Estimate]:
@@ -123,7 +124,7 @@ def _as_tuple(value: Any) -> Any:
 
 
 def _examine_each(
-    calls: Mapping[int, tuple[object, Settings | Refusal]], jobs: int, draw: Draw | None
+    calls: Mapping[int, tuple[object, Request | Refusal]], jobs: int, draw: Draw | None
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine each numbered log.
 
@@ -146,19 +147,27 @@ def _examine_each(
 
 
 def _examine_one(
-    number: int, log: object, settings: Settings | Refusal, draw: Draw | None
+    number: int, log: object, request: Request | Refusal, draw: Draw | None
 ) -> tuple[int, Estimate]:
     with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
-        answer = examine_or_refuse(log, settings)
+        answer = examine_or_refuse(log, request)
         if draw and answer.trace:
             name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
             draw(answer, f"{number + 1:05d}_{name}.png")
     return number, replace(answer, trace=None)
 
 
-def as_table(answers: Sequence[Estimate]) -> pd.DataFrame:
-    """Answers as a tidy table: intervals, and quantities with their SDs, in two columns each."""
-    return pd.DataFrame([_row(answer) for answer in answers])
+def as_table(answers: Sequence[Estimate], keys: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Answers as a tidy table: intervals, and quantities with their SDs, in two columns each; no cell is a formula."""
+    table = pd.DataFrame([_row(answer) for answer in answers])
+    if keys is not None:
+        table = keys.join(table)
+    return table.map(lambda cell: escape(cell) if isinstance(cell, str) else cell)
+
+
+def escape(text: str) -> str:
+    """A text that a table can hold, and that is no formula for a spreadsheet, whatever separates its cells."""
+    return _FORMULA.sub(r"\1'", text.encode(errors="replace").decode())
 
 
 def _row(answer: Estimate) -> dict[str, object]:
@@ -172,7 +181,6 @@ def _row(answer: Estimate) -> dict[str, object]:
                 row |= {quantity: each, f"{quantity}_sd": sd}
         else:
             row[name] = np.nan if value is None else value
-    row["file"] = escape(answer.file)
     row["reason"] = answer.reason or ""
     row["notes"] = "; ".join(answer.notes)
     return row

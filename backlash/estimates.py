@@ -1,134 +1,41 @@
 """From a log to its answer: the backlash, none, or why that cannot be told."""
 
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from backlash import __version__, turns
-from backlash.load_data import LoadData
+from backlash import turns
+from backlash.answer import AMPLITUDE, BACKLASH, NONE, TORQUE, Estimate, Trace
+from backlash.load_data import LoadData, load_from_masses
+from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
-from backlash.refusals import Reason, Refusal, one_line
-from backlash.settings import Settings, settings_for
+from backlash.refusals import Reason, Refusal, check_positive, option_of
 from backlash.torque import fit_torque
+from replication.records import Recording
 from replication.signature import FloatArray
 
-TORQUE, AMPLITUDE = "torque", "amplitude"
-BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
-
-
-class Trace(NamedTuple):
-    """What was fitted: time [s], the measured signal and the model's, both at the samples, and the signal's name."""
-
-    t: FloatArray
-    measured: FloatArray
-    model: FloatArray
-    signal: str
+_OPTIONS = tuple(field.name for field in fields(LogOptions))
+_RATIOS = ("inertia_ratio", "gravity_per_s2")
+_MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
+_LOAD = (*_RATIOS, "inertia_sd", "gravity_sd", "motor_inertia_kgm2", *_MASSES)
+# Running means of a torque that are looked for; shorter ones a low-pass follows.
+_LEAST_MEAN_S, _LONGEST_MEAN_S = 0.009, 0.080
+_LEAST_CORRELATION = 0.3  # of differences a mean's width apart; a half in a log of noise alone
+# Keywords of `estimate`: the log's columns and movement, and its load.
+GIVEN = (*_OPTIONS, *_LOAD, "arm_m")
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """The answer on one log; what is not known is None. The backlash is half of the total play; `print` shows it."""
+class Request:
+    """What is asked of a log: how it is read, and of which load."""
 
-    file: str
-    verdict: str = CANNOT_TELL  # or "backlash", "no backlash"
-    reason: str | None = None  # of "cannot tell", a value of `Reason`
-    explanation: str = ""  # a sentence
-    backlash_rad: float | None = None  # half of the play: the teeth are free over twice that
-    backlash_interval_rad: tuple[float, float] | None = None  # 95 %
-    amplitude_rps: float | None = None  # A of the signature, of method amplitude
-    amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
-    method: str = AMPLITUDE  # or "torque"
-    chi_squared: float | None = None  # per compared number; about 1 where model and noise are right
-    # By the torque: stiffness K_s / J_l, damping ratio, the half as stiff part beyond the gap, load friction over
-    # gravity, loss, gravity m g r / J_l, inertia ratio, motor inertia in the torque's unit, the torque's delay and
-    # low-pass, the speed's lag; each with its SD.
-    joint: dict[str, tuple[float, float]] | None = None
-    turn_period_s: float | None = None  # of the load
-    speed_rps: float | None = None  # of the signal's side, in the mean
-    samples: int = 0  # of the record that was used
-    arm_m: float | None = None  # at which the play is wanted, too
-    columns: str = ""  # that were read, with their units
-    notes: tuple[str, ...] = ()  # what was done and assumed
-    sha256: str | None = None  # of the log file's bytes
-    trace: Trace | None = field(default=None, compare=False, repr=False)
-
-    def without(self, refusal: Refusal) -> "Estimate":
-        """The answer with the reason why there is none."""
-        return replace(
-            self,
-            reason=refusal.reason.value,
-            explanation=refusal.sentence,
-            columns=self.columns or refusal.columns,
-            notes=(*self.notes, *refusal.notes),
-        )
-
-    @property
-    def is_unusable(self) -> bool:
-        """Whether the log could not be used."""
-        return self.reason == Reason.UNUSABLE.value
-
-    def to_dict(self) -> dict[str, Any]:
-        """The attributes but the trace, in order, ready for JSON, then the total play and the version."""
-        row = {name: value for name, value in vars(self).items() if name != "trace"}
-        half, ends = self.backlash_rad, self.backlash_interval_rad
-        return row | {
-            "total_play_rad": None if half is None else 2 * half,
-            "total_play_interval_rad": ends and (2 * ends[0], 2 * ends[1]),
-            "version": __version__,
-        }
-
-    def __str__(self) -> str:
-        """The answer for people: a line with it, then one for each number and each note."""
-        lines = [one_line(f"{self.file}: {self.summary}")]
-        if self.amplitude_rps and self.amplitude_interval_rps:
-            low, high = self.amplitude_interval_rps
-            lines.append(
-                f"  amplitude {self.amplitude_rps:.3f} rps ({low:.3f} to {high:.3f}), an index: compare it only with "
-                "logs of this joint in this movement"
-            )
-        if self.joint:
-            lines += [f"  {line}" for line in describe_joint(self.joint)]
-        if self.columns:
-            lines.append(f"  columns: {one_line(self.columns)}")
-        if self.turn_period_s:
-            fit = "" if self.chi_squared is None else f", chi squared {self.chi_squared:.2f}"
-            lines.append(
-                f"  method {self.method}, {self.samples} samples, turn of {self.turn_period_s:.5g} s{fit}"
-            )
-        return "\n".join([*lines, *(f"  note: {one_line(note)}" for note in self.notes)])
-
-    @property
-    def summary(self) -> str:
-        """The answer in a line."""
-        if self.backlash_rad is None or self.backlash_interval_rad is None:
-            return f"{CANNOT_TELL}: {self.reason}: {self.explanation}"
-        low, high = (1e3 * end for end in self.backlash_interval_rad)
-        if self.verdict == NONE:
-            return f"no backlash (less than {high:.3f} mrad, half of the play)"
-        told = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
-        also = f"{60 * np.degrees(self.backlash_rad):.2f} arcmin"
-        if self.arm_m:
-            also += f", {1e3 * self.backlash_rad * self.arm_m:.3f} mm at {self.arm_m:g} m"
-        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
-
-
-def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
-    """Quantities that a user may compare with the data sheet."""
-    ring_hz = np.sqrt(joint["stiffness_per_s2"][0]) / (2 * np.pi)
-    # Fits may end a little below zero, where nothing is.
-    filter_ms, soft_mrad = (max(joint[name][0], 0.0) for name in ("torque_filter_ms", "soft_mrad"))
-    return [
-        f"stiffness {joint['stiffness_per_s2'][0]:.3g} per s^2 of the load's inertia ({ring_hz:.1f} Hz with the motor "
-        f"held), gear efficiency {1 / (1 + joint['loss'][0]):.2f}, load friction {joint['friction_share'][0]:.1%} of "
-        "gravity: as in the data sheet?",
-        f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
-        f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
-        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth softer "
-        f"over {soft_mrad:.2f} mrad beyond the gap",
-    ]
+    options: LogOptions
+    load: LoadData | None = None  # by which the torque tells the backlash
+    arm_m: float | None = None  # at which the play is wanted in mm, too
 
 
 def read_log(log: object, v: ArrayLike | None = None, **given: Any) -> Log:
@@ -151,8 +58,8 @@ def read_log(log: object, v: ArrayLike | None = None, **given: Any) -> Log:
     >>> print(log.recording.v.size, round(log.recording.turn_period_s, 4))
     2401 0.4
     """
-    form = settings_for(log, given).form
-    return open_log(log, form, v, given.get("torque"))
+    options = request_for(log, given).options
+    return open_log(log, options, v, given.get("torque"))
 
 
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
@@ -163,8 +70,7 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
     log : str, Path, DataFrame, Log, or array of shape (samples,)
         A file, "-" for the standard input, a table, what `read_log` returned, or the time stamps [s] of `v`.
     v : array of shape (samples,), optional
-        Motor speed, in `unit`, which has to be said; with `position=True` its position, in the turns (rps), rad
-        (rad/s) or counts that go with `unit`.
+        Motor speed, in `unit`, which has to be said; with `position=True` its position, in turns, rad, deg or counts.
     turn_period_s, gear_ratio : float
         Of the load [s], and motor turns in a load turn (1 where the signals are the joint's); one is needed.
     torque : str or array of shape (samples,), optional
@@ -196,23 +102,25 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
     >>> print(answer.verdict, answer.backlash_rad, answer.backlash_interval_rad)
     backlash 0.001 (0.0009, 0.0011)
     """
-    return examine(log, settings_for(log, given), v, given.get("torque"))
+    return examine(log, request_for(log, given), v, given.get("torque"))
 
 
 def examine(
-    log: object, settings: Settings, v: ArrayLike | None = None, torque: ArrayLike | None = None
+    log: object, request: Request, v: ArrayLike | None = None, torque: ArrayLike | None = None
 ) -> Estimate:
     """Answer for a log, wherever it comes from."""
     answer = Estimate(
-        name_of(log), method=TORQUE if settings.load else AMPLITUDE, arm_m=settings.arm_m
+        name_of(log), method=TORQUE if request.load else AMPLITUDE, arm_m=request.arm_m
     )
     try:
-        read = open_log(log, settings.form, v, torque)
-        answer = _with_log(answer, read, settings)
+        read = open_log(log, request.options, v, torque)
+        answer = _with_log(answer, read, request)
         read = _with_own_period(read)
-        answer = _with_log(answer, read, settings)
-        if settings.load:
-            return _answer_by_torque(read, settings.load, answer)
+        answer = _with_log(answer, read, request)
+        if read.torque is not None:
+            refuse_averaged(read.recording, read.torque)
+        if request.load:
+            return _answer_by_torque(read, request.load, answer)
         return _answer_by_amplitude(read, answer)
     except Refusal as refusal:
         if refusal.is_unusable:
@@ -220,7 +128,7 @@ def examine(
         return answer.without(refusal)
 
 
-def _with_log(answer: Estimate, log: Log, settings: Settings) -> Estimate:
+def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
     """The answer with what was read."""
     return replace(
         answer,
@@ -230,16 +138,16 @@ def _with_log(answer: Estimate, log: Log, settings: Settings) -> Estimate:
         turn_period_s=log.recording.turn_period_s,
         speed_rps=float(log.recording.v.mean()),
         columns=log.columns,
-        notes=(*log.notes, *([str(settings.load)] if settings.load else [])),
+        notes=(*log.notes, *([str(request.load)] if request.load else [])),
     )
 
 
-def examine_or_refuse(log: object, settings: Settings | Refusal) -> Estimate:
+def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
     """Examine one log; say why where that fails, in whatever way."""
     try:
-        if isinstance(settings, Refusal):
-            raise settings
-        return examine(log, settings)
+        if isinstance(request, Refusal):
+            raise request
+        return examine(log, request)
     except Refusal as refusal:
         return refused(log, str(refusal))
     except Exception as error:  # one log must not stop a thousand others
@@ -254,7 +162,7 @@ def refused(log: object, why: str) -> Estimate:
 def _with_own_period(log: Log) -> Log:
     """The log with the period that its turns have; of a torque gravity's, which no other line may dominate."""
     recording, given = log.recording, log.recording.turn_period_s
-    if log.form.trust_period:
+    if log.options.trust_period:
         return log
     if log.torque is None:
         period = turns.period_by_energy(recording, recording.v)
@@ -263,8 +171,8 @@ def _with_own_period(log: Log) -> Log:
         period = other or turns.period_by_torque(recording, log.torque)
         if not turns.is_near_period(recording, period):
             instead = f"--turn-period {period:.4g}"
-            if log.form.gear_ratio:
-                instead = f"--gear-ratio {log.form.gear_ratio * period / given:.4g}"
+            if log.options.gear_ratio:
+                instead = f"--gear-ratio {log.options.gear_ratio * period / given:.4g}"
             raise Refusal(
                 f"the torque's strongest line comes every {period:.4g} s, not every {given:.4g} s: if it is gravity's, "
                 f"{instead}; if the turn given is right, --trust-period",
@@ -277,12 +185,40 @@ def _with_own_period(log: Log) -> Log:
     return replace(log, recording=own, notes=(*log.notes, note))
 
 
+def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
+    """Refuse a torque that is a running mean, which no low-pass of the fit follows.
+
+    The differences of a mean of n values have those of n samples before, with the other sign, and else nothing in
+    common, as far as they are noise.
+    """
+    rows = turns.settled_turns(recording, torque)
+    sample_s = recording.turn_period_s / rows.shape[1]
+    noise = np.diff((rows - rows.mean(axis=0)).ravel())
+    power = np.abs(np.fft.rfft(noise, 2 * noise.size)) ** 2
+    correlation = np.fft.irfft(power)[: round(_LONGEST_MEAN_S / sample_s)] / max(
+        power.mean(), 1e-300
+    )
+    first = max(round(_LEAST_MEAN_S / sample_s), 2)
+    pairs = correlation[first:-1] + correlation[first + 1 :]
+    if not pairs.size or pairs.min() > -_LEAST_CORRELATION:
+        return
+    at = first + int(pairs.argmin())
+    others = np.abs(np.delete(correlation, slice(max(at - 1, 0), at + 3))[2:])
+    if others.max(initial=0.0) < 0.5 * -pairs.min():
+        window_ms = 1e3 * sample_s * (at + correlation[at + 1] / pairs.min())
+        raise Refusal(
+            f"the torque is a running mean over {window_ms:.0f} ms, which hides what the teeth do; log it as the drive "
+            "measures it, or filtered by 3 ms at most",
+            Reason.NO_FIT,
+        )
+
+
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
     if log.torque is None:
         raise Refusal("the log was read without its torque: give torque to read_log")
     fit = fit_torque(log.recording, log.torque, load)
-    if fit.is_none and log.is_links_side:
+    if fit.is_none and log.is_load_side:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
             Reason.JOINTS_SIDE,
@@ -324,3 +260,50 @@ def _answer_by_amplitude(log: Log, answer: Estimate) -> Estimate:
             Reason.NO_TORQUE,
         )
     )
+
+
+def request_for(log: object, given: Mapping[str, Any]) -> Request:
+    """What is asked of a log, by the keywords of `estimate`."""
+    if unknown := sorted(set(given) - set(GIVEN)):
+        raise TypeError(f"no parameter {unknown[0]!r}; there are {', '.join(GIVEN)}")
+    given = {name: value for name, value in given.items() if value is not None}
+    arm_m = given.get("arm_m")
+    check_positive(arm_m=arm_m)
+    options = _options_of(log, given)
+    is_by_torque = options.torque or not given.keys().isdisjoint(_RATIOS + _MASSES)
+    return Request(options, _load_of(options, given) if is_by_torque else None, arm_m)
+
+
+def _options_of(log: object, given: Mapping[str, Any]) -> LogOptions:
+    """What is given of a log's columns and movement; a log that was read has it all."""
+    options = {name: given[name] for name in _OPTIONS if name in given}
+    if isinstance(log, Log):
+        if options:
+            raise Refusal(f"{log.file} was read already: give {', '.join(options)} to read_log")
+        return log.options
+    if options.get("position") is True:
+        options["position"] = "position"
+    if not isinstance(options.get("torque", ""), str | int):
+        options["torque"] = "torque array"
+    return LogOptions(**options)
+
+
+def _load_of(options: LogOptions, given: Mapping[str, Any]) -> LoadData:
+    """The load by its ratios or by its masses; refuse what is missing, or given twice."""
+    load = {name: given[name] for name in _LOAD if name in given}
+    there = {*load, *(name for name in ("torque", "gear_ratio") if getattr(options, name))}
+    needed: tuple[str, ...] = ("torque", *_RATIOS)
+    by_masses = not there.isdisjoint(_MASSES)
+    if by_masses:
+        needed = ("torque", "gear_ratio", "motor_inertia_kgm2", "load_mass_kg", "load_arm_m")
+    if missing := " and ".join(option_of(name) for name in needed if name not in there):
+        raise Refusal(
+            f"the torque and the load's data, by its ratios or its masses, are needed: give {missing} too"
+        )
+    if not by_masses:
+        return LoadData(**load)
+    if not there.isdisjoint(_RATIOS):
+        raise Refusal(
+            "--load-mass beside --inertia-ratio or --gravity: give the load by its ratios or by its masses"
+        )
+    return load_from_masses(options.gear_ratio or 0.0, **load)

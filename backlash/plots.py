@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from backlash.estimates import Estimate
+from backlash.answer import Estimate
 from backlash.refusals import one_line
 from replication.figures import STYLE, in_style
 from replication.files import write_bytes

@@ -56,6 +56,11 @@ class Refusal(UserError, ValueError):
         """Whether the input cannot be read or used, rather than that it does not tell."""
         return self.reason is Reason.UNUSABLE
 
+    def adding(self, what: str) -> "Refusal":
+        """The same refusal with a further clause."""
+        sentence = f"{self.sentence}; {what}" if what else self.sentence
+        return Refusal(sentence, self.reason, self.row, self.notes)
+
     def in_file(self, name: str) -> "Refusal":
         """The same refusal with the file's name before it."""
         place = f"{name}: " if self.row is None else f"{name}, row {self.row}: "

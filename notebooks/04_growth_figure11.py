@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.signal import find_peaks
 
 import workbook
-from replication import figures, published, table2
+from replication import figures, published, sentences, table2
 from replication.joint import (
     change,
     identified_joint,
@@ -22,10 +22,12 @@ from replication.joint import (
     simulate,
 )
 from replication.records import (
+    CLEAN_LEVELS,
     LOW_NOISE,
     NOISY_LEVELS,
     level_delta_rad,
     load_clean,
+    load_clean_records,
     load_noisy,
     noise_half_amplitude_rps,
 )
@@ -284,19 +286,8 @@ cells = {
     "text.impacts_per_turn": risen.size,
     "text.half_turn": lag / TURN,
 }
-claims = {
-    "two_impacts": (
-        published.decide("two_impacts", float(alternate)),
-        f"{record.source}: the largest excursion "
-        + ("changes" if alternate else "does not change")
-        + " its sign from each settled half turn to the next",
-    ),
-    "half_turn": (
-        published.decide("half_turn", mismatch),
-        f"{record.source}, inverted and half a turn later, differs by "
-        f"{100 * mismatch:.1f} % of its SD",
-    ),
-}
+clean = sentences.measure_records(load_clean_records(CLEAN_LEVELS))
+claims = published.decide_all(sentences.measure_disturbance(clean))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 step = peaks["amplitude_rps"].diff()

@@ -11,7 +11,7 @@ from matplotlib import pyplot as plt
 from scipy.optimize import brentq
 
 import workbook
-from replication import characteristic, figures, joint, published
+from replication import characteristic, figures, joint, published, sentences
 from workbook import Change
 
 workbook.say_times("06_characteristic_figure12")
@@ -86,13 +86,12 @@ criteria = {}
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = joint.identified_joint()
-decided = ("error_rad_small", "error_rad_large", "monotone", "encoder_step")
 workbook.check_parameters(
     rpm_per_rps=(rpm_per_rps, (1e-3, 1e4)),
     left_out=(left_out, [range(1, 11), []]),
     changes=(changes, dict.fromkeys(joint.ratios(identified), (0.5, 2))),
     degree=(degree, range(1, 7)),
-    criteria=(criteria, dict.fromkeys(decided, (-1e3, 1e3))),
+    criteria=(criteria, dict.fromkeys(sentences.OF_EQUATION_10, (-1e3, 1e3))),
 )
 workbook.check_parameters(**{"rows in left_out": (len(set(left_out)), range(6))})
 
@@ -285,30 +284,7 @@ cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 A_rps = np.linspace(0, theoretical.max(), 1000)
 slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
-measured = {
-    "error_rad_small": (
-        error.iloc[0],
-        f"{1e3 * error.iloc[0]:.2g} mrad at {1e3 * delta[0]:.1f} mrad",
-    ),
-    "error_rad_large": (
-        error.max(),
-        f"the largest error is {1e3 * error.max():.2g} mrad, at "
-        f"{1e3 * delta[error.idxmax()]:.1f} mrad; the number of the text is read "
-        "as an upper bound, and is not the largest error itself",
-    ),
-    "monotone": (
-        slope,
-        f"the smallest slope from 0 rps on is {1e3 * slope:.2g} mrad per rps",
-    ),
-    "encoder_step": (
-        encoder_step,
-        f"one step of the encoder is {1e3 * encoder_step:.3g} mrad",
-    ),
-}
-claims = {
-    claim: (published.decide(claim, number, criteria), words)
-    for claim, (number, words) in measured.items()
-}
+claims = published.decide_all(sentences.measure_equation_10(), criteria)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(

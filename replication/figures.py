@@ -1,7 +1,9 @@
 """The paper's figures and tables as plots: arrays and data frames in, a matplotlib figure out.
 
-One colour means one thing in all figures: `LOG` what was recorded, `FIT` what was fitted or simulated over it, `OURS`
-what we computed, `PRINTED` what the paper prints, `DIFFERS` a printed number outside our interval.
+One look means one thing in all figures: `LOG` what was recorded, `STAND_IN` what is simulated in place of an
+unpublished log, `FIT` what was fitted or simulated over it, `RESIDUAL` what that leaves, `OURS` what we computed,
+`PRINTED` what the paper prints, `DIFFERS` a printed number outside our interval. A figure of a notebook's own begins
+with `grid` and ends with `finish`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,6 +29,8 @@ Style = dict[str, Any]
 INK, BLUE, ORANGE, GREEN = "#000000", "#0072B2", "#E69F00", "#009E73"
 PINK, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
 LOG: Style = {"color": ORANGE, "linewidth": 3.0, "alpha": 0.8}
+STAND_IN = LOG | {"color": PINK}
+RESIDUAL: Style = {"color": BLUE, "linewidth": 0.9}
 FIT: Style = {"color": INK, "linewidth": 0.8}
 OURS: Style = {"color": BLUE}
 PRINTED: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 6, "mew": 1.5}
@@ -82,8 +86,9 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
 def grid(
     rows: int = 1, columns: int = 1, height_in: float = 3.2, **options
 ) -> tuple[Figure, np.ndarray]:
-    """Make a figure and its axes, always as an array of shape (rows, columns)."""
-    return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
+    """Make a figure in the workbook's style and its axes, always as an array of shape (rows, columns)."""
+    with mpl.rc_context(STYLE):
+        return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
 
 
 def letter_panels(axes: Iterable[Axes]) -> None:
@@ -102,7 +107,8 @@ def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> F
     listed = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels]
     entries = {label: handle for handles in listed for handle, label in handles}
     if entries:
-        figure.legend(entries.values(), entries.keys(), loc=loc, ncols=columns)
+        with mpl.rc_context(STYLE):
+            figure.legend(entries.values(), entries.keys(), loc=loc, ncols=columns)
     return figure
 
 
@@ -143,7 +149,7 @@ def _centre(axis: Axes) -> None:
 def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
     """Figure 5: the motor speed with its superimposed oscillations; dotted lines are turns."""
     figure, ((axis,),) = grid(height_in=2.6)
-    axis.plot(t, v, **LOG | {"linewidth": 0.9})
+    axis.plot(t, v, **FIT)
     for turn in np.arange(t[0], t[-1], turn_period_s):
         axis.axvline(turn, **DOTTED)
     axis.set(xlabel="time $t$ [s]", ylabel="motor speed $v$ [rps]", xlim=(t[0], t[-1]))
@@ -190,7 +196,7 @@ def record_with_fit(
     upper.plot(t, fitted, label=labels[1], **FIT)
     upper.set(ylabel="motor speed $v$ [rps]", xlim=(t[0], t[0] + seconds))
     lower.axhline(0, **THIN)
-    lower.plot(t, v - fitted, linewidth=0.9, **OURS)
+    lower.plot(t, v - fitted, **RESIDUAL)
     lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
     _centre(lower)
     return finish(figure, 2)
@@ -239,20 +245,31 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
 def simulated_joint(
     time_s: FloatArray,
     signals: Sequence[tuple[str, FloatArray, FloatArray | None]],
-    recorded_label: str = "authors' record",
+    stand_in: str = "",
 ) -> Figure:
-    """Figure 10: signals of the simulated joint, over the recorded one where there is one."""
-    figure, axes = grid(len(signals), 1, height_in=0.6 + 1.25 * len(signals), sharex=True)
-    for axis, (label, simulated, recorded) in zip(axes[:, 0], signals, strict=True):
-        if recorded is not None:
-            axis.plot(time_s, recorded, label=recorded_label, **LOG | {"linewidth": 4.5})
+    """Figure 10: signals of the simulated joint, over a recorded one or a named stand-in, the difference beneath."""
+    heights = [part for *_, other in signals for part in ([1.0] if other is None else [1.0, 0.5])]
+    figure, axes = grid(
+        len(heights), 1, height_in=0.6 + 1.25 * sum(heights), sharex=True, height_ratios=heights
+    )
+    panels = iter(axes[:, 0])
+    for label, simulated, other in signals:
+        axis = next(panels)
+        if other is not None:
+            look = STAND_IN if stand_in else LOG
+            axis.plot(time_s, other, label=stand_in or "authors' record", **look)
+            below = next(panels)
+            below.axhline(0, **THIN)
+            below.plot(time_s, simulated - other, label="the difference", **RESIDUAL)
+            below.set_ylabel("[" + label.rpartition("[")[2])
+            _centre(below)
         axis.plot(time_s, simulated, label="simulated joint", **FIT)
         axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
         if simulated.min() < 0 < simulated.max():
             _centre(axis)
     axes[-1, 0].set(xlabel="time $t$ [s]")
     figure.align_ylabels()
-    return finish(figure, 2, "outside upper right")
+    return finish(figure, 2, "outside upper center")
 
 
 @in_style
@@ -295,7 +312,8 @@ def characteristic(
     marks = PRINTED, {"color": BLUE, "marker": "s", "linestyle": "none", "mfc": "none"}
     for (label, (A, delta)), mark in zip(points.items(), marks, strict=False):
         upper.plot(A, MRAD * delta, label=label, **mark)
-    for (label, (A, residual)), mark in zip(residuals.items(), (PRINTED, OURS), strict=False):
+    marks = PRINTED | {"marker": "o", "mfc": "none", "mew": 1.0}, RESIDUAL | {"linestyle": "--"}
+    for (label, (A, residual)), mark in zip(residuals.items(), marks, strict=False):
         lower.plot(A, MRAD * residual, label=label, **mark)
     lower.axhline(0, **THIN)
     lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
@@ -323,10 +341,12 @@ def table2(rows: pd.DataFrame) -> Figure:
     _printed_and_ours(noise, rows.drop(ten.index), "mean")
     _printed_and_ours(lower, rows, "sd")
     upper.set(title="mean of $A$", ylabel="off the printed mean [%]", xticks=ten.index)
+    upper.set_xticks(ten.index, ["1*", *ten.index[1:]])
     noise.set(title="[rps]", xticks=rows.index.difference(ten.index), xlim=(10.2, 11.8))
     noise.yaxis.tick_right()
-    lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log", xticks=rows.index)
-    lower.set(xlabel="row of Table 2 (11: noise alone)")
+    lower.set(title="SD of $A$", ylabel="SD of $A$ [rps]", yscale="log")
+    lower.set_xticks(rows.index, ["1*", *rows.index[1:]])
+    lower.set(xlabel="row of Table 2 (1*: on a simulated record, 11: noise alone)")
     return finish(figure, 2)
 
 
@@ -334,8 +354,8 @@ def _printed_and_ours(axis: Axes, rows: pd.DataFrame, of: str) -> None:
     """Draw an interval as a bar with our number as a line across it, and the printed one as a cross."""
     printed, ours, low, high = (rows[of + end] for end in ("", "_ours", "_low", "_high"))
     axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
-    axis.bar(rows.index, high - low, 0.6, low, color="0.85", label="our 95 % interval")
-    line: Style = OURS | {"linewidth": 2.0, "label": "ours"}
+    axis.bar(rows.index, high - low, 0.6, low, color="0.85", label="our 95 % prediction interval")
+    line: Style = OURS | {"linewidth": 2.0, "label": "our median"}
     axis.hlines(ours, rows.index - 0.3, rows.index + 0.3, **line)
     agrees = (printed >= low) & (printed <= high)
     axis.plot(printed[agrees], **PRINTED, label="printed, agrees")
@@ -352,7 +372,8 @@ def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> 
     """
     figure, ((axis,),) = grid(height_in=3.0)
     at = np.arange(len(rows))
-    axis.errorbar(at - 0.1, rows["mean_ours"], rows["sd_ours"], fmt="s", label="stand-in", **OURS)
+    style: Style = {"fmt": "s", "color": PINK, "label": "stand-in (simulated)"}
+    axis.errorbar(at - 0.1, rows["mean_ours"], rows["sd_ours"], **style)
     axis.errorbar(at + 0.1, rows["mean"], rows["sd"], label="printed, not tested", **PRINTED)
     if "known" in rows:
         axis.plot(at + 0.25, rows["known"], "<", color=GREEN, mfc="none", label=known_label)
@@ -360,6 +381,59 @@ def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> 
     axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
     axis.set_xticks(at, rows.index)
     return finish(figure, 3)
+
+
+@in_style
+def search_map(
+    t0: FloatArray,
+    omega: FloatArray,
+    misfits: FloatArray,
+    members: Mapping[int, FloatArray],
+    best: tuple[float, float],
+) -> Figure:
+    """The members of some generations, shape (number, 2), on the map of the misfit of t0 and omega."""
+    figure, axes = grid(2, 2, height_in=4.4, sharex=True, sharey=True)
+    for axis, (generation, drawn) in zip(axes.flat, members.items(), strict=False):
+        shades = axis.contourf(t0, omega, misfits, 20, cmap="Greys_r")
+        axis.plot(*drawn.T, "o", color="white", mec=INK, mew=0.6, label="members")
+        axis.plot(*best, "X", color=BLUE, mec="white", mew=0.6, markersize=9, label="best fit")
+        axis.set(title=f"generation {generation}", xlim=(t0[0], t0[-1]), ylim=(omega[0], omega[-1]))
+    for axis in axes[-1]:
+        axis.set(xlabel="start $t_0$ [s]")
+    for axis in axes[:, 0]:
+        axis.set(ylabel="$\\omega$ [rad/s]")
+    figure.colorbar(shades, ax=axes, location="top", aspect=40, label="misfit [rps]")
+    return finish(figure, 2)
+
+
+@in_style
+def detection(
+    A_rps: Mapping[str, FloatArray],
+    lines: Mapping[str, float],
+    detected: Mapping[str, Sequence[FloatArray]],
+) -> Figure:
+    """Table 4: how many stand-in robots of each kind have which A, and what a threshold of A would detect.
+
+    `lines` are A [rps] by what they are; `detected` gives, by name, percents of the healthy that are called excessive
+    and of the excessive that are detected.
+    """
+    figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.4)
+    ends = np.concatenate(list(A_rps.values()))
+    bins = np.linspace(0, 1.02 * ends.max(), 25)
+    looks = {"color": SKY, "hatch": ""}, {"color": PINK, "hatch": "///"}
+    for (kind, of_kind), look in zip(A_rps.items(), looks, strict=False):
+        upper.hist(of_kind, bins, alpha=0.6, label=kind, **look)
+    for (name, A), style in zip(lines.items(), (":", "--", "-"), strict=False):
+        upper.axvline(A, 0, 0.68, color=INK, linestyle=style, label=name)
+    upper.set(xlabel="fitted $A$ [rps]", ylabel="number of robots")
+    for (name, (false, true)), style in zip(detected.items(), ("-", "--", ":"), strict=False):
+        lower.step(false, true, where="post", color=INK, linestyle=style, label=name)
+    lower.set(xlabel="healthy called excessive [%]", ylabel="excessive detected [%]")
+    upper.set_ylim(0, 1.6 * upper.get_ylim()[1])
+    upper.legend(fontsize=8, ncols=2, loc="upper left")
+    lower.legend(fontsize=8)
+    letter_panels([upper, lower])
+    return figure
 
 
 @in_style

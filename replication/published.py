@@ -13,6 +13,7 @@ import pandas as pd
 DATA: Traversable = files("replication") / "data"
 
 Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
+Measured = tuple[float | tuple[float, float], str]  # what a claim's rule compares, and in words
 Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 
 _INDEX = {"cells": "id", "claims": "id", "errata": "id"}
@@ -27,7 +28,8 @@ def _kept(name: str) -> pd.DataFrame:
 def table(name: str) -> pd.DataFrame:
     """Load a data file by its name.
 
-    "claims": the paper's claims in words and what decides each. "errata": what is wrong in print, with its proof.
+    "claims": the paper's sentences and what decides each. "errata": what is wrong in print, by kind, with its proof.
+    "deviations": which rules were changed after a result, and what each change did to a verdict.
     "authors_notebook_runs", "authors_notebook_generations": what the authors' notebook stores.
     """
     return _kept(name).copy()
@@ -112,6 +114,14 @@ def decide(
         "interval above": (low > limit, high < limit),
     }[rule]
     return True if holds else False if fails else None
+
+
+def decide_all(measured: Mapping[str, Measured], criteria: Criteria = None) -> dict[str, Decision]:
+    """Decide claims by what was measured of each, as `decide` does."""
+    return {
+        claim: (decide(claim, numbers, criteria), words)
+        for claim, (numbers, words) in measured.items()
+    }
 
 
 # ------------------------------------------------------------------ numbers that follow from other printed numbers

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
 from scipy import optimize
-from scipy.special import stdtrit
 
 from replication import published
 from replication.cmaes import Eigensolver, Normals, generations, search
@@ -448,48 +447,3 @@ def make_realisations(path: Path = REALISATIONS, number: int = 40) -> None:
         rows = Parallel(n_jobs=-1)(delayed(realise)(*arguments) for arguments in plan)
         new = pd.DataFrame(rows)
         write_csv(path, pd.concat([table, new]) if len(table) else new)
-
-
-# ---------------------------------------------------------------------------- the claims that Table 2 decides
-
-
-def decide_error_below_10(
-    runs: pd.DataFrame, criteria: published.Criteria = None
-) -> published.Decision:
-    """Decide whether every mean |A| errs by less than 10 %, from `repeated_fits` on the authors' records.
-
-    What was measured: the largest error, with its 95 % bootstrap interval over all records together.
-    """
-    theoretical = published.column("Table 2", "theoretical")
-    rng = np.random.default_rng(1)
-    records = runs.groupby(["realisation", "row"], sort=False)
-    tail = 0.025 / records.ngroups
-    errors = []
-    for (_, row), part in records:
-        amplitude = part["A_rps"].abs().to_numpy()
-        means = rng.choice(amplitude, (20_000, amplitude.size)).mean(axis=1)
-        ends = np.quantile(100 * np.abs(means / theoretical[row - 1] - 1), [tail, 1 - tail])
-        errors.append((100 * abs(amplitude.mean() / theoretical[row - 1] - 1), *ends))
-    largest, low, high = np.max(errors, axis=0)
-    holds = published.decide("error_below_10", (low, high), criteria)
-    return holds, (
-        f"largest error of a mean {largest:.1f} % (95 % interval {low:.1f} to {high:.1f} %)"
-    )
-
-
-def decide_local_minima(
-    table: pd.DataFrame, criteria: published.Criteria = None
-) -> published.Decision:
-    """Decide whether runs avoid local minima, from `table2` of the authors' records.
-
-    What was measured: the share of runs in the best basin, with Student's 95 % interval over the records, because runs
-    on one record are not independent.
-    """
-    share = table["best_basin_runs"] / table["runs"]
-    half = stdtrit(share.size - 1, 0.975) * share.sem()
-    low, high = share.mean() - half, share.mean() + half
-    holds = published.decide("local_minima", (low, high), criteria)
-    return holds, (
-        f"{table['best_basin_runs'].sum()} of {table['runs'].sum()} runs on {share.size} noisy records end in the best "
-        f"basin, {100 * share.mean():.0f} % ({100 * low:.0f} to {100 * high:.0f} %)"
-    )

@@ -1,7 +1,8 @@
 """CMA-ES against swarm algorithms and classical methods.
 
-The swarms are NiaPy's, the classical methods SciPy's. All minimise the paper's cost in the box of the authors'
-notebook, and stop when they find the best basin or have spent the budget.
+The swarms are NiaPy's, the classical methods SciPy's: as they come, from one start, from fifty, or restarted at random,
+and one that is prepared. All minimise the paper's cost in the box of the authors' notebook, and stop when they find the
+best basin, have spent the budget, or know no more.
 """
 
 import contextlib
@@ -17,7 +18,7 @@ from scipy import optimize, stats
 
 from replication import misfit
 from replication.cmaes import generations, search
-from replication.records import Recording, load_noisy
+from replication.records import LOW_NOISE, Recording, load_noisy
 from replication.signature import FloatArray, Parameters, h
 from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, best_fit, search_box
 from studies.rates import rate_columns
@@ -50,11 +51,20 @@ class Cost:
         self.best = math.inf
         self.evaluations = 0
         self._misfits = misfit.cost(recording.t, recording.v, NOTEBOOK.timing)
+        self._folded = misfit.fold(recording.t, recording.v, NOTEBOOK.timing)
         self._recording = recording
 
     def of_members(self, X: FloatArray) -> FloatArray:
         """Misfits [rps] of a population of shape (members, parameters), in the box's own units."""
         misfits = self._misfits(X)
+        self._count(float(misfits.min()), misfits.size)
+        return misfits
+
+    def of_shapes(self, unit: FloatArray) -> FloatArray:
+        """Least misfits over A and v_t of shapes (t0, tau, omega, T2, T1) in the unit cube, shape (members, 5)."""
+        lower, upper = (end[misfit.PROJECTED] for end in self.box)
+        shapes = lower + np.clip(unit, 0.0, 1.0) * (upper - lower)
+        misfits = misfit.project(shapes, self._folded, self.box.upper[0])[1]
         self._count(float(misfits.min()), misfits.size)
         return misfits
 
@@ -112,6 +122,48 @@ def _restarted(cost: Cost, seed: int, descend: Callable[[Cost, FloatArray], None
         descend(cost, rng.random(cost.box.lower.size))
 
 
+def _from_grid(
+    cost: Cost, seed: int, descend: Callable[[Cost, FloatArray], None], starts: int
+) -> None:
+    """A local method from starts along t0, every other parameter in the middle of the box."""
+    for t0 in (np.arange(starts) + 0.5) / starts:
+        middle = np.full(cost.box.lower.size, 0.5)
+        middle[1] = t0
+        descend(cost, middle)
+
+
+# Points of the grid in t0 (within half a turn, after which the signature repeats with the other sign), tau, omega, T2
+# and T1, and first steps from them, as shares of the box.
+GRID = (40, 2, 16, 4, 4)
+STEPS = np.diag([0.001, 0.2, 0.05, 0.1, 0.15])
+
+
+def _grid_then_simplex(cost: Cost, seed: int) -> None:
+    """Blind: a grid with A and v_t solved by least squares, descents from its best points, and again from theirs."""
+
+    def descend(start: FloatArray, steps: FloatArray) -> tuple[float, FloatArray]:
+        simplex = np.vstack([start, start + steps])
+        end = optimize.minimize(
+            lambda unit: float(cost.of_shapes(unit[None])[0]),
+            start,
+            method="Nelder-Mead",
+            options={"initial_simplex": simplex, "xatol": 1e-5, "fatol": 1e-6, "maxfev": 300},
+        )
+        return float(end.fun), end.x
+
+    axes = [(np.arange(points) + 0.5) / points for points in GRID]
+    half_turn = NOTEBOOK.timing.T_d / (cost.box.upper[1] - cost.box.lower[1])
+    axes[0] = np.linspace(0, half_turn, GRID[0], endpoint=False)
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(GRID))
+    parts = np.array_split(grid, len(grid) // POPULATION + 1)
+    misfits = np.concatenate([cost.of_shapes(part) for part in parts])
+    starts = grid[np.argsort(misfits)[:60]]
+    ends = [descend(start, STEPS) for start in starts]
+    while True:
+        ends.sort(key=lambda end: end[0])
+        ends = [descend(start, sign * STEPS) for _, start in ends[:8] for sign in (1, -1)]
+
+
 def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
     optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
 
@@ -152,17 +204,33 @@ SEARCH_METHODS: dict[str, tuple[str, Method]] = {
         "classical",
         partial(_restarted, descend=partial(_minimize, method="Nelder-Mead")),
     ),
-    "DIRECT": ("deterministic", _rectangles),
+    **{
+        f"{method}, {name}": (
+            "classical",
+            partial(_from_grid, descend=partial(_minimize, method=method), starts=starts),
+        )
+        for method, (name, starts) in product(
+            ("L-BFGS-B", "Nelder-Mead"), (("one start", 1), ("fifty starts along t0", 50))
+        )
+    },
+    "DIRECT": ("classical", _rectangles),
+    "grid and simplex descents, A and v_t solved": ("prepared", _grid_then_simplex),
 }
+# Methods without chance run once on each of the fifty public records of low noise.
+DETERMINISTIC = [*SEARCH_METHODS][-6:]
+DEAR = [
+    method for method in DETERMINISTIC if "fifty" in method or method == "DIRECT"
+]  # on twenty of them
 
 
 def planned_runs() -> list[tuple[str, int, int, int]]:
     """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
     seeds = range(1, RUNS_PER_RECORD + 1)
     jobs = []
-    for method, (kind, _) in SEARCH_METHODS.items():
-        if kind == "deterministic":
-            jobs += [(method, level, R, 0) for R, level in product((1, 2), LEVELS)]
+    for method in SEARCH_METHODS:
+        if method in DETERMINISTIC:
+            some = (1, 2) if method in DEAR else LOW_NOISE
+            jobs += [(method, level, R, 0) for R, level in product(some, LEVELS)]
         else:
             jobs += [(method, level, 1, seed) for level, seed in product(SEARCHED_LEVELS, seeds)]
     return jobs
@@ -227,5 +295,6 @@ def against_swarms(table: DataFrame) -> DataFrame:
         p_values = [
             stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")
         ]
-        rows.append((swarm, theirs["method"], theirs["rate"], *p_values))
-    return DataFrame(rows, columns=["swarm", "method", "rate", "p_cma_better", "p_swarm_better"])
+        rows.append((swarm, theirs["method"], theirs["rate"], ours["rate"], *p_values))
+    columns = ["swarm", "method", "rate", "rate_cma", "p_cma_better", "p_swarm_better"]
+    return DataFrame(rows, columns=columns)

@@ -10,14 +10,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.main import main
-from backlash.reading.columns import LogFormat
+from backlash.cli import main
+from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import Log, open_log
 from backlash.refusals import Refusal
 from replication.joint import identified_joint, simulate
 from replication.records import Recording
 
-TURN = LogFormat(turn_period_s=0.4)
+TURN = LogOptions(turn_period_s=0.4)
 
 
 @lru_cache

@@ -6,7 +6,8 @@
    statistics, and ours is their median.
 3. `agrees`: the printed number lies in the interval. `differs`: it does not. `not tested`: ours is a stand-in's or
    was taken over, no notebook computed it, or too few realisations give an interval.
-4. `resolution`: how far below and above ours the printed number might have been, and agreed.
+4. `resolution`: how far below and above ours the printed number might have been, and agreed. `weak`: twice the
+   printed number, or half of it, would have agreed, too.
 """
 
 import math
@@ -75,6 +76,11 @@ def resolution(cell: str, ours: float, low: float, high: float) -> str:
     return f"{ends[0]:+.2g} % to {ends[1]:+.2g} %"
 
 
+def is_weak(printed: float, low: float, high: float) -> bool:
+    """Rule 4: whether an interval would hold twice a printed number, or half of it."""
+    return any(low <= factor * printed <= high for factor in (0.5, 2))
+
+
 def judge_number(id: str, source: str, numbers: Numbers, notebook: str = "") -> dict[str, Any]:
     """Compare ours with one printed number: a row of `verdicts.csv`."""
     printed = published.cells().loc[id]
@@ -110,6 +116,7 @@ def judge_number(id: str, source: str, numbers: Numbers, notebook: str = "") -> 
         "low": low,
         "high": high,
         "agreement": agreement,
+        "weak": "yes" if agreement == "agrees" and is_weak(value, low, high) else "",
         "source": source,
         "resolution": "" if agreement == "not tested" else resolution(id, ours, low, high),
         "reason": reason,
@@ -146,15 +153,22 @@ def verdicts(results: Path) -> pd.DataFrame:
 
 
 def claims(results: Path) -> pd.DataFrame:
-    """The paper's claims in words with their verdicts: `id, claim, section, verdict, measured, notebook`.
+    """The paper's sentences with their verdicts: `id, of, quote, reading, section, verdict, measured, notebook`.
 
     Of a claim that no notebook can decide, `claims.csv` says why: it is undecided. UserError where another is missing.
+
+    Raises
+    ------
+    ValueError
+        Two notebooks decide the same claim.
     """
     claimed = published.table("claims")
-    table = claimed[["claim", "section"]]
+    table = claimed[["of", "quote", "reading", "section"]]
     table = table.assign(verdict=CLAIM_VERDICTS[None], measured=claimed["untested"], notebook="")
     for name, outcome in load_outcomes(results).items():
         for row in outcome["claims"]:
+            if table.loc[row["id"], "notebook"]:
+                raise ValueError(f"{row['id']}: decided by two notebooks")
             decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]
             table.loc[row["id"], ["verdict", "measured", "notebook"]] = decided
     for claim in table.index[table["measured"] == ""]:

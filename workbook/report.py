@@ -21,10 +21,20 @@ from workbook.provenance import provenance
 
 TEMPLATE = Path(__file__).with_name("report.md.j2")
 STATUS = re.compile(r"(<!-- status: begin -->\n).*(<!-- status: end -->)", re.DOTALL)
+CONSISTENCY = "the paper's own numbers"
+WEAKLY = "agrees weakly"
+VERDICTS = ("agrees", WEAKLY, "differs", "not tested")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = re.compile(r"\b(alpha|delta|lambda|mu|omega|pi|sigma|tau)(?=\b|_)")
 ABSENT = re.compile(r"\b(nan|None|inf)\b")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
+
+ERRATA = {
+    "proved": "Proved: a test shows each",
+    "imprecise": "Imprecise",
+    "text": "Rest on the extracted text, whose formulas may be garbled: check the printed paper",
+    "data": "The text against the public data: no errata, either may be right",
+}
 
 # ------------------------------------------------------------------------------------------------- numbers in words
 
@@ -81,6 +91,7 @@ def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
     table["why"] = table["known_difference"].replace("", "no explanation known")
     table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
     table["interval"] = [_interval(row) for row in table.itertuples()]
+    table["shown"] = table["agreement"].mask(table["weak"] == "yes", WEAKLY)
     return table
 
 
@@ -99,8 +110,8 @@ def _interval(row: Any) -> str:
 
 def count_by(cells: pd.DataFrame, key: str, order: Iterable[str]) -> pd.DataFrame:
     """Count printed numbers by agreement, and by "element" or "source", in an order that may end in "all"."""
-    counts = pd.crosstab(cells[key], cells["agreement"], margins=True, margins_name="all")
-    return counts.reindex(index=[*order], columns=judging.AGREEMENTS, fill_value=0)
+    counts = pd.crosstab(cells[key], cells["shown"], margins=True, margins_name="all")
+    return counts.reindex(index=[*order], columns=VERDICTS, fill_value=0)
 
 
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -130,9 +141,44 @@ def describe_engine() -> dict[str, float]:
     return {"error_percent": 100 * finest["nrmse"], "step_us": 1e6 * finest["step_s"]}
 
 
+def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
+    """Claims as a reader reads them: the paper's words, and what we take them to say."""
+    readings = claims["reading"].where(claims["reading"] == "", " (" + claims["reading"] + ")")
+    return claims.assign(claim="“" + claims["quote"] + "”" + readings).set_index("id")
+
+
+def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:
+    """What was changed after a result: every change, and how each rule came about, up to today's verdict."""
+    table = published.table("deviations")
+    today = claims.set_index("id")["verdict"].reindex(table["claim"]).set_axis(table.index)
+    is_last = (table["claim"] != "") & ~table["claim"].duplicated(keep="last")
+    table["verdict_after"] = table["verdict_after"].mask(is_last, today)
+    return {
+        "deviations": table.to_dict("records"),
+        "chains": {rule: _chain(part) for rule, part in table.groupby("rule", sort=False)},
+        "changed_claims": table.loc[table["claim"] != "", "claim"].nunique(),
+    }
+
+
+def _chain(changes: pd.DataFrame) -> str:
+    """Write how a rule came about: each form of it with its verdict."""
+    first = changes.iloc[0]
+    steps = [(first["before"], first["verdict_before"])]
+    steps += zip(changes["after"], changes["verdict_after"], strict=True)
+    return " → ".join(form + (f": *{verdict}*" if verdict else "") for form, verdict in steps)
+
+
+def describe_theoretical(cells: pd.DataFrame) -> dict[str, float]:
+    """How far our ten theoretical A of Table 2 lie off the printed ones [%], and t of their mean."""
+    rows = cells[cells["id"].str.fullmatch(r"table2\.row(0\d|10)\.theoretical")]
+    off = 100 * (rows["reproduced"] / rows["published"] - 1)
+    return {"largest": off.abs().max(), "mean": off.mean(), "t": off.mean() / off.sem()}
+
+
 def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
     """Everything that the template names: of verdicts, of claims, and of the facts in a folder of results."""
     cells = describe_cells(verdicts)
+    agrees = cells["shown"] == "agrees"
     return {
         "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
         "cells": cells.to_dict("records"),
@@ -148,10 +194,16 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         ),
         "hardware": describe_hardware(),
         "engine": describe_engine(),
-        "claims": claims.set_index("id"),
+        "claims": describe_claims(claims),
         "populations": [settings.population for settings in table2.SETTINGS],
-        "changed": (published.table("claims")["changed"] == "yes").sum(),
-        "errata": published.table("errata").reset_index().to_dict("records"),
+        **describe_deviations(claims),
+        "theoretical": describe_theoretical(cells),
+        "strong": (agrees & (cells["source"] != CONSISTENCY)).sum(),
+        "consistent": (agrees & (cells["source"] == CONSISTENCY)).sum(),
+        "weak": (cells["shown"] == WEAKLY).sum(),
+        "errata": published.table("errata").reset_index().groupby("kind"),
+        "kinds_of_errata": ERRATA,
+        "verdicts": VERDICTS,
         "sources": judging.SOURCES,
     }
 

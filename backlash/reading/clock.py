@@ -4,20 +4,15 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 
-from backlash.reading.columns import numbers
+from backlash.reading.columns import numeric_column
+from backlash.reading.limits import LIMITS
+from backlash.reading.samples import Samples
 from backlash.reading.tables import TIME_OF_DAY
 from backlash.reading.units import SECONDS, split_unit
 from backlash.refusals import Refusal
 from replication.signature import FloatArray
-
-_MOST_HZ = 1e6  # no logger samples faster; the stamps have another unit
-# What misses more than both is a gap; less is filled, a fifth of the ring's period at most.
-_LONGEST_STEP = 3.5  # in sampling periods
-_LONGEST_FILLED_S = 0.010
-_MOST_INVENTED = 0.1  # of the samples; above, the stamps are not those of the samples
-_FEW_GAPS = 0.02  # of the steps; more are bursts or lost samples
-_SINCE_1970_S = (1e9, 4e9)  # from 2001 to 2096
 
 
 def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tuple[FloatArray, str]:
@@ -29,7 +24,7 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
         parts = values.astype(str).str.extract(f"^{TIME_OF_DAY.pattern}$")
         if parts["clock"].notna().mean() > 0.5:
             return _times_of_day(parts, column), "time of day"
-    stamps = numbers(table, column)
+    stamps = numeric_column(table, column)
     unit = given_unit or split_unit(column)[1] or _unit_by_size(stamps[0])
     if unit not in SECONDS:
         raise Refusal(
@@ -42,7 +37,7 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
 
 def _unit_by_size(stamp: float) -> str:
     """Unit of stamps that do not say it: that of a clock since 1970, else seconds."""
-    low, high = _SINCE_1970_S
+    low, high = LIMITS.since_1970_s
     return next((unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamp < high), "s")
 
 
@@ -70,16 +65,20 @@ def refuse_backward(t: FloatArray, rows: pd.Index) -> None:
         )
 
 
-def sampling_period(t: FloatArray, least_hz: float, ring_hz: float) -> float:
+def sampling_period(samples: Samples) -> float:
     """Mean sampling period [s] but for gaps, where that is short enough."""
+    t, ring_hz = samples.t, samples.options.ring_hz
     steps = np.diff(t)
-    dt = float(steps[steps <= _LONGEST_STEP * np.median(steps)].mean())
+    dt = float(steps[steps <= LIMITS.longest_step * np.median(steps)].mean())
     rate = 1.0 / max(dt, 1e-300)
-    if rate > _MOST_HZ:
+    if rate > LIMITS.most_hz:
         raise Refusal(f"{rate:.3g} samples a second; give --time-unit of the stamps")
     missing = np.maximum(np.rint(steps / dt) - 1, 0)
-    if np.mean(missing > 0) > _FEW_GAPS:
-        _refuse_invented(int(missing.sum()), t)
+    if np.mean(missing > 0) > LIMITS.few_gaps:
+        _refuse_invented(int(missing.sum()), samples)
+    least_hz = LIMITS.least_rate * ring_hz
+    if rate < least_hz and (steps == 1).all():
+        raise Refusal("its stamps count the samples, one by one: give --rate, samples a second")
     if rate < least_hz:
         cure = "--ring gives the joint's own; are the time stamps in s? if not, give --time-unit"
         raise Refusal(
@@ -89,21 +88,32 @@ def sampling_period(t: FloatArray, least_hz: float, ring_hz: float) -> float:
     return dt
 
 
-def _refuse_invented(missing: int, t: FloatArray) -> None:
+def _refuse_invented(missing: int, samples: Samples) -> None:
     """Refuse samples between whose stamps more than a tenth would have to be invented."""
+    t, v = samples.t, samples.v
     share = missing / (missing + t.size)
-    if share > _MOST_INVENTED:
-        rate = (t.size - 1) / (t[-1] - t[0])
-        cure = f"--rate {rate:.6g}, if it was sampled evenly"
+    if share <= LIMITS.most_invented:
+        return
+    _, counts = np.unique(v, return_counts=True)
+    by_chance = (
+        np.sum((counts / t.size) ** 2) * t.size
+    )  # repetitions, if the values came in any order
+    if by_chance > LIMITS.least_values and not (np.diff(v) == 0).any():
         raise Refusal(
-            f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented; "
-            f"there are {rate:.6g} samples a second: give {cure}"
+            f"its rows stand only where {samples.columns.signal} changed ({missing:,} are missing between, no value "
+            "repeats); log at a fixed rate"
         )
+    rate = (t.size - 1) / (t[-1] - t[0])
+    cure = f"--rate {rate:.6g}, if it was sampled evenly"
+    raise Refusal(
+        f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented; "
+        f"there are {rate:.6g} samples a second: give {cure}"
+    )
 
 
 def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
     """The parts of some samples between which too many are missing to be filled."""
-    gaps = np.flatnonzero(np.diff(t) > max(_LONGEST_STEP * dt, dt + _LONGEST_FILLED_S))
+    gaps = np.flatnonzero(np.diff(t) > max(LIMITS.longest_step * dt, dt + LIMITS.longest_filled_s))
     ends = [0, *(gaps + 1).tolist(), t.size]
     return [slice(first, last) for first, last in pairwise(ends)]
 
@@ -132,17 +142,16 @@ def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
     return float(moved @ curve) > 0.5 * float(moved @ moved)
 
 
-def place_on_grid(
-    t: FloatArray, v: FloatArray, dt: float, notes: list[str]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where on an even grid samples were taken, in periods; the grid's numbers, and its times [s].
+def place_on_grid(samples: Samples) -> Samples:
+    """Put samples on the even grid that they were taken on.
 
     What strays by more than a period is a clock's drift, and followed; what is fast is if the signal
     follows it.
     """
-    k, dt, start = _even_clock(t, dt)
+    t = samples.t
+    k, dt, start = _even_clock(t, sampling_period(samples))
     holes = int(k[-1]) + 1 - k.size
-    _refuse_invented(holes, t)
+    _refuse_invented(holes, samples)
     places = k.copy()
     stray = (t - start) / dt - k
     nominal = float(f"{1 / dt:.3g}")
@@ -152,14 +161,17 @@ def place_on_grid(
     if most > 0.01:
         how = "taken as even"
         all_k = np.arange(k[-1] + 1)
-        if most > 1 or _follows_stamps(np.interp(all_k, k, v), np.interp(all_k, k, stray)):
+        all_v, all_stray = (np.interp(all_k, k, each) for each in (samples.v, stray))
+        if most > 1 or _follows_stamps(all_v, all_stray):
             how = "resampled"
             places += stray
-        notes.append(
-            f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz: {how}"
-        )
+        off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
+        samples = samples.noting(f"{off}: {how}")
     if holes:
-        notes.append(f"missing samples filled from their neighbours: {holes}")
+        samples = samples.noting(f"missing samples filled from their neighbours: {holes}")
     # Within half a sample of the data: far beyond them a spline is anything.
     even = np.arange(np.rint(places[0]), np.rint(places[-1]) + 1)
-    return places, even, start + dt * even
+    signals = samples.signals
+    if not np.array_equal(places, even):
+        signals = CubicSpline(places, signals, axis=1)(even)
+    return samples.moved(start + dt * even, signals)

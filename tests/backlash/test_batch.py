@@ -9,8 +9,8 @@ import pytest
 
 import backlash
 from backlash import batch, estimates
-from backlash.estimates import Estimate
-from backlash.plant import find_logs, keys_of, options_of, read_batch, read_rows
+from backlash.answer import Estimate
+from backlash.log_list import find_logs, keys_of, options_of, read_batch, read_rows
 from tests.logs import file, noisy, write
 
 HOW = {"turn_period_s": 0.4}
@@ -67,10 +67,10 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
     else:
         text = CSV.replace(",", ";") if kind == "semicolons" else CSV
         path.write_text(text, "utf-16" if kind == "utf-16" else "utf-8")
-    assert keys_of(read_rows(path))["joint"].tolist() == ["007", "'=1+1"]
-    first, second = read_batch(path, {"inertia_ratio": 2.0, "gravity_per_s2": 30.0}).settings
-    assert (first.form.torque, first.form.turn_period_s) == ("3", 0.4)
-    assert first.form.trust_period is False
+    assert keys_of(read_rows(path))["joint"].tolist() == ["007", "=1+1"]
+    first, second = read_batch(path, {"inertia_ratio": 2.0, "gravity_per_s2": 30.0}).requests
+    assert (first.options.torque, first.options.turn_period_s) == ("3", 0.4)
+    assert first.options.trust_period is False
     assert "turn_period_s is '?', no number" in str(second)
 
 
@@ -79,7 +79,7 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
     [
         ("a,b\n1,2\n", "no column 'file'; there are 'a', 'b'"),
         ("file\n", "no rows"),
-        ("file,moment_x\na.csv,1\n", "column 'moment_x'"),
+        ("file,gear_ration\na.csv,1\n", "column 'gear_ration' is not read; is it 'gear_ratio'"),
     ],
 )
 def test_a_table_that_lists_no_logs_is_refused(text, why, tmp_path):

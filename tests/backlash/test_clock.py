@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
 from tests.logs import TURN, file, noisy, opened, refusal, text
 
@@ -132,7 +132,7 @@ def test_the_jitter_of_a_position_is_told_apart_and_undone(are_true):
     stamps = t + np.random.default_rng(4).uniform(-1e-4, 1e-4, t.size)
     at = stamps if are_true else t
     turns = 100 * at - 0.6 * np.cos(2 * np.pi * 20 * at) / (2 * np.pi * 20)
-    recording = opened(stamps, turns, replace(TURN, unit="rps"), "position").recording
+    recording = opened(stamps, turns, replace(TURN, unit="turns"), "position").recording
     middle = recording.t + 1e-3 + (stamps - t).mean()
     assert (recording.v - 100 - 0.6 * np.sin(2 * np.pi * 20 * middle)).std() < 0.01
 
@@ -142,7 +142,7 @@ def test_a_clock_that_drifts_is_followed_and_no_sample_is_made_beyond_the_last()
     true = true[np.random.default_rng(8).random(true.size) > 0.01]
     v = np.interp(true % 4.8, T, V)
     stamps = true + 20 / 490 * np.sin(np.pi * true / 10)
-    log = opened(stamps, v, LogFormat(turn_period_s=1.0))
+    log = opened(stamps, v, LogOptions(turn_period_s=1.0))
     assert "resampled" in " ".join(log.notes)
     assert np.abs(log.recording.v - np.interp(log.recording.t, stamps, v)).std() < 0.05
     assert np.ptp(log.recording.v) < np.ptp(v) + 0.2

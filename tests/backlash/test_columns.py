@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
 from tests.logs import TURN, file, noisy, opened, refusal, text
 
@@ -45,7 +45,9 @@ CHOICES = [
 def frame(names) -> pd.DataFrame:
     """Columns of the speed, each a percent slower than the one before, beside the time."""
     columns = {
-        name: 2e-3 * np.cumsum(noisy().v) if "rev" in name else noisy().v * 0.99**k
+        name: 2e-3 * np.cumsum(noisy().v)
+        if "rev" in name
+        else (60 if "rpm" in name else 1) * noisy().v * 0.99**k
         for k, name in enumerate(names)
     }
     return pd.DataFrame({"time": noisy().t, **columns})
@@ -62,7 +64,7 @@ def test_a_column_is_read_in_the_unit_of_its_name_and_both_are_in_the_answer(uni
 
 @pytest.mark.parametrize("name", ASKED)
 def test_a_speed_without_a_known_unit_is_asked_for(name):
-    assert "is not known; give --unit (one of rps, rpm" in refusal(frame([name]))
+    assert "is not known; give --unit (a speed's: rps, rpm" in refusal(frame([name]))
     log = opened(noisy().t, 60 * noisy().v, replace(TURN, unit="rpm"), name)
     np.testing.assert_allclose(log.recording.v, noisy().v)
 
@@ -76,17 +78,17 @@ def test_the_motors_measured_column_is_read_and_two_candidates_are_asked_about(n
 
 
 @pytest.mark.parametrize(
-    ("name", "form", "is_links"),
+    ("name", "form", "is_load_side"),
     [
-        ("speed [rps]", LogFormat(gear_ratio=40.0), False),
-        ("speed [rps]", LogFormat(gear_ratio=1.0, commanded_speed_rps=2.5), True),
-        ("joint speed [rps]", LogFormat(gear_ratio=40.0, speed="2"), True),
+        ("speed [rps]", LogOptions(gear_ratio=40.0), False),
+        ("speed [rps]", LogOptions(gear_ratio=1.0, commanded_speed_rps=2.5), True),
+        ("joint speed [rps]", LogOptions(gear_ratio=40.0, speed="2"), True),
     ],
 )
-def test_a_log_says_of_which_side_of_the_gear_it_is(name, form, is_links):
+def test_a_log_says_of_which_side_of_the_gear_it_is(name, form, is_load_side):
     log = opened(noisy().t, noisy().v / (40.0 if form.gear_ratio == 1 else 1.0), form, name)
-    assert log.is_links_side == is_links
-    assert ("the joint's side" in log.columns) == is_links
+    assert log.is_load_side == is_load_side
+    assert ("the joint's side" in log.columns) == is_load_side
 
 
 def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
@@ -95,7 +97,7 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     log = open_log(path, replace(TURN, speed="4", torque="6"))
     np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
     assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in log.columns
-    assert "0 samples with time and 5" in refusal(path, replace(TURN, speed="5", unit="rps"))
+    assert "'5' is empty in all 2,401 rows" in refusal(path, replace(TURN, speed="5", unit="rps"))
 
 
 NAMES = ["motor speed [rpm]", "motor speed [rad/s]", "current [A]"]

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from backlash import estimates
-from backlash.estimates import Estimate
+from backlash.answer import Estimate
 from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
@@ -25,7 +25,7 @@ def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, m
     load = "--torque 3 --gear-ratio 100 --motor-inertia 1e-4 --load-mass 20 --load-arm 0.4"
     assert command("estimate", log, load, "--json --from 1 --inertia-sd 0.2") == 0
     settings = examine.call_args.args[1]
-    assert (settings.form.torque, settings.form.start_s) == ("3", 1.0)
+    assert (settings.options.torque, settings.options.start_s) == ("3", 1.0)
     assert settings.load.inertia_ratio == pytest.approx(3.2)
     assert settings.load.inertia_sd == 0.2
     [answer] = json.loads(capsys.readouterr().out)

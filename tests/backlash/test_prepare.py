@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.reading.columns import LogFormat
+from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
 from backlash.refusals import Refusal
 from tests.logs import TURN, noisy, opened, refusal
@@ -22,8 +22,8 @@ def evenly(v, form=TURN, dt=2e-3):
 @pytest.mark.parametrize(
     ("scale", "wrap", "given"),
     [
-        (1.0, None, {"unit": "rps"}),
-        (2 * np.pi, 2 * np.pi, {"unit": "rad/s"}),
+        (1.0, None, {"unit": "turns"}),
+        (2 * np.pi, 2 * np.pi, {"unit": "rad"}),
         (2**12, 2**16, {"unit": "counts", "counts_per_turn": 2.0**12}),
         (-(2**20), 2**20, {"unit": "counts", "counts_per_turn": 2.0**20}),
     ],
@@ -72,7 +72,7 @@ SPIKED = np.where(np.arange(V.size) == 500, 900.0, V)
         (np.minimum(V, 100.2), TURN, "the speed is clipped at 100.2 rps"),
         (
             V,
-            LogFormat(turn_period_s=0.4, gear_ratio=32.0, commanded_speed_rps=100.0),
+            LogOptions(turn_period_s=0.4, gear_ratio=32.0, commanded_speed_rps=100.0),
             "wrong period: gear ratio 32 at .* makes turns of 0.32 s",
         ),
     ],
@@ -83,7 +83,7 @@ def test_a_log_without_a_long_enough_constant_speed_has_no_answer(v, form, reaso
 
 
 @pytest.mark.parametrize("wave", [0.05, 0.4])
-@pytest.mark.parametrize("form", [LogFormat(gear_ratio=40.0), TURN])
+@pytest.mark.parametrize("form", [LogOptions(gear_ratio=40.0), TURN])
 def test_within_a_turn_the_speed_may_do_what_the_drive_lets_it(wave, form):
     """Of a soft drive under a heavy load, with a ramp at both ends: all turns, and no ramp."""
     v = 100 + 100 * wave * np.cos(2 * np.pi * T / 0.4)

@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.reading import sources, tables
+from backlash.reading import packed, sources
+from backlash.reading.limits import LIMITS
 from backlash.reading.prepare import open_log
 from tests.logs import TURN, file, noisy, refusal, rewritten, table, text
 
@@ -102,12 +103,15 @@ REFUSED = {
     ),
     "a stamp of ROS in two columns": (
         text("__time,stamp.sec,stamp.nanosec,velocity [rps]", "{t:.1f},1710000000,{ns},{v:.5f}"),
-        "'stamp.nanosec' is a part of a stamp in two columns; export it as one",
+        "its time stamp repeats the one before with other values",
     ),
     "a PLC's two times": (PLC + text("", "{t}\t{rpm}\t{t}5\t1"), "which column is the time"),
     "a very long line": (b"1," * 100_000, "a first line above 65536 characters"),
     "a very long cell": (line(500, "0.996," + "1" * 200_000), "row 500: speed [rps] is"),
-    "too many fields": (line(500, "0.996,100.0,5"), "not a table (Error tokenizing data"),
+    "too many fields": (
+        line(500, "0.996,100.0,5"),
+        "row 500: it has a number beyond the 2 columns of the header",
+    ),
     "three columns without names": (text("", "{t},{v},7"), "give --time and --speed by number"),
     "a broken gzip file": (gzip.compress(PLAIN.encode())[:9000], "or export it again"),
     "a broken zip": (b"PK\x03\x04" + bytes(99), "no readable workbook or Parquet file"),
@@ -200,16 +204,16 @@ def entities() -> bytes:
     ],
 )
 def test_a_hostile_workbook_is_refused(part, content, why, tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "MOST_BYTES", 2**23)
-    monkeypatch.setattr(tables, "MOST_CELLS", 50_000)
+    small = replace(LIMITS, most_bytes=2**23, most_cells=50_000)
+    monkeypatch.setattr(packed, "LIMITS", small)
     assert why in refusal(rewritten(tmp_path / "a.xlsx", {part: content}))
 
 
 def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "MOST_CELLS", 1000)
+    monkeypatch.setattr(packed, "LIMITS", replace(LIMITS, most_cells=1000))
     assert "more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
     content = table(noisy()).to_parquet()
     assert "more than 1,000 cells" in refusal(file(tmp_path, content))
-    monkeypatch.setattr(sources, "MOST_BYTES", 2**16)
+    monkeypatch.setattr(sources, "LIMITS", replace(LIMITS, most_bytes=2**16))
     path = file(tmp_path, gzip.compress(b"1,2\n" * 2**20))
     assert "MiB that are read; cut it to the test movement" in refusal(path)

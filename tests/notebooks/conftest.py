@@ -151,7 +151,7 @@ def answer_exercise(running, name, stripped, solution, check, asked):
 
     unit = to or 1.0
     roundings = [to * np.round(right / to), to * np.trunc(right / to)] if to else [right, right]
-    misses = [right + 1.6 * unit, right - 1.6 * unit, right + 1000 * unit]
+    misses = [right + 1.6 * unit, right - 1.6 * unit, right + 37 * unit]
     if not to:
         misses += [right + 0.36, right + 1]
     running.names[name] = "one"

@@ -5,8 +5,10 @@ import pytest
 from scipy import stats
 
 from replication import published
+from replication.characteristic import equation_10
 from replication.cmaes import constants, generations, update
 from replication.records import load_clean, load_noisy
+from replication.sentences import printed_rows
 from replication.signature import Box, Parameters, Timing, d_b, h, rmse
 from replication.table2 import NOISE_ROW, NOTEBOOK, noisy_records, search_box
 
@@ -72,8 +74,27 @@ def test_the_last_printed_sd_cannot_be_a_variance():
     smallest = published.value("table2.row11.sd") - published.half_last_digit("0.0178")
     assert np.sqrt(smallest) > largest_sd
     assert smallest < 0.2 * largest_sd
-    sds = published.column("Table 2", "sd")
-    assert np.sqrt([sds.min(), sds.max()]) == pytest.approx([0.03, 0.24], abs=0.005)
+    sds, effect = published.column("Table 2", "sd"), published.table("errata")["effect"]["E11"]
+    assert f"{np.sqrt(sds.min()):.2f} to {np.sqrt(sds.max()):.2f} rps" in effect
+    assert f"{np.sqrt(published.value('table2.row11.sd')):.3f} in row 11" in effect
+    assert f"at most {widest:.2f} rps" in effect
+
+
+def test_the_printed_errors_in_rad_are_no_errors_of_table_2():
+    """Nor do 10 %, the largest relative error that the text allows, give them."""
+    rows = printed_rows()
+    erratum = published.table("errata").loc["E18"]
+    small, large = rows["error_rad"].iloc[0], rows["error_rad"].max()
+    for printed, error in (("error_rad_small", small), ("error_rad_large", large)):
+        times = published.value(f"text.{printed}") / error
+        assert times > 2
+        assert f"{times:.2g}" in erratum["effect"]
+        assert f"{error:.1e}".replace("e-0", "e-") in erratum["corrected"]
+    last = rows.iloc[-1]
+    for factor in (0.9, 1.1):
+        of_ten_percent = equation_10().backlash_rad(factor * last["theoretical"])
+        error = f"{abs(of_ten_percent - last['delta_rad']):.1e}".replace("e-0", "e-")
+        assert error in erratum["effect"]
 
 
 # -------------------------------------------------------------------------------------------------- the signature

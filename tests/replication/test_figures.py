@@ -8,7 +8,11 @@ import workbook
 DIMENSIONLESS = {
     "generation",
     "number of robots",
-    "row of Table 2 (11: noise alone)",
+    "row of Table 2 (1*: on a simulated record, 11: noise alone)",
+    "measured over limit",
+    "numbers and score",
+    "periods of the torque in a load turn",
+    "start and settings",
     "stiffness over the paper's",
 }
 

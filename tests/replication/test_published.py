@@ -59,6 +59,12 @@ def paper():
     )
 
 
+def test_every_claim_is_quoted_from_the_paper(paper):
+    for claim, row in published.table("claims").iterrows():
+        for part in row["quote"].split(" … "):
+            assert plain(part) in paper, claim
+
+
 def test_every_number_of_the_text_stands_in_words_that_the_paper_prints(paper):
     for cell, row in published.cells("Text").iterrows():
         assert row["printed"] in row["quote"], cell
@@ -145,6 +151,13 @@ def test_a_limit_that_the_text_prints_is_the_criterion():
     for claim in ("error_rad_small", "error_rad_large", "encoder_step"):
         assert published.criterion(claim) == published.value(f"text.{claim}")
     assert published.criterion("error_below_10") == published.value("text.error_limit_percent")
+
+
+def test_every_claim_that_is_measured_says_what_is_measured_where_by_which_rule_and_why():
+    claims = published.table("claims")
+    assert set(claims["of"]) == {"paper", "method"}
+    measured = claims[claims["untested"] == ""]
+    assert (measured[["check", "settings", "rule", "criterion", "reason"]] != "").all(axis=None)
 
 
 def test_another_limit_can_be_tried():

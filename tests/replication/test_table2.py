@@ -1,12 +1,10 @@
 """A fit finds what it should, runs become a table, and many tables become intervals."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 from replication import bench, table2
 from replication.records import Recording, add_noise, constant_speed
@@ -203,20 +201,6 @@ def test_a_start_is_one_of_the_first_hundred_samples_for_what_it_is_drawn_for(st
     assert (np.ptp(starts) > 70) == (start != table2.WHOLE)
 
 
-def make_runs(errors_percent):
-    """Twenty runs on each record, whose mean |A| errs as given."""
-    theoretical = table2.theoretical_amplitudes().values()
-    errors = np.broadcast_to(errors_percent, 10)
-    runs = [
-        {"row": row, "A_rps": -A * (1 + error / 100 + off)}
-        for row, (A, error) in enumerate(zip(theoretical, errors, strict=True), start=1)
-        for off in 0.05 * np.linspace(-1, 1, 20)
-    ]
-    return pd.DataFrame(runs).assign(
-        realisation=1, rmse_rps=0.1, delta_rad=0.0, noise_amplitude_rps=0.1
-    )
-
-
 def test_table_2_is_made_of_ten_rows_for_each_realisation(monkeypatch):
     monkeypatch.setattr(table2, "load_noisy", lambda level, R: (level, R))
     keys, records = zip(*table2.table2_records(range(1, 6)), strict=True)
@@ -226,21 +210,3 @@ def test_table_2_is_made_of_ten_rows_for_each_realisation(monkeypatch):
     made = table2.table2(runs)
     of_one_run = [*keys[0], "theoretical_A_rps", "mean_A_rps", "relative_error_percent"]
     pd.testing.assert_frame_equal(made[of_one_run], kept[of_one_run], rtol=1e-3)
-
-
-@pytest.mark.parametrize(("error", "holds"), [(5, True), (-15, False), (9.5, None)])
-def test_an_error_below_ten_per_cent_is_decided_by_the_largest(error, holds):
-    decided, words = table2.decide_error_below_10(make_runs([*[2.0] * 6, error, *[1.0] * 3]))
-    assert decided is holds
-    largest, low, high = map(float, re.findall(r"[\d.]+", words.replace("95 %", "")))
-    assert largest == abs(error)
-    # The mean's SD is that of 20 even numbers within 5 %; ten records share the 5 %.
-    half = stats.norm.ppf(1 - 0.0025) * 5 * np.std(np.linspace(-1, 1, 20)) / np.sqrt(20)
-    assert [low, high] == pytest.approx([abs(error) - half, abs(error) + half], abs=0.15)
-
-
-def test_most_runs_of_the_kept_table_avoid_local_minima_and_few_would_not():
-    table = pd.read_csv(table2.ROOT / "results" / "table2.csv")
-    words = "1263 of 1500 runs on 50 noisy records end in the best basin, 84 % (82 to 87 %)"
-    assert table2.decide_local_minima(table) == (True, words)
-    assert not table2.decide_local_minima(table.assign(runs=90))[0]

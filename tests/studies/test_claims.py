@@ -1,8 +1,13 @@
 import numpy as np
+import pandas as pd
 import pytest
 
+from replication import published
+from replication.files import ROOT
 from replication.joint import identified_joint
 from studies import claims
+
+RESULTS = ROOT / "results"
 
 
 @pytest.mark.parametrize(
@@ -18,28 +23,71 @@ from studies import claims
 def test_noise_of_another_law_is_noticed(law, is_uniform):
     rng = np.random.default_rng(3)
     noises = {(level, 1): law(rng.uniform(-0.1, 0.1, 2401)) for level in range(9)}
-    assert claims.uniform_noise(claims.noise_tests(noises))[0] is is_uniform
+    p, _ = claims.measure_uniform_noise(claims.noise_tests(noises))
+    assert published.decide("uniform_noise", p) is is_uniform
 
 
 @pytest.mark.parametrize(("A", "holds"), [(0.01, True), (0.2, False)])
 def test_an_amplitude_in_noise_alone_is_held_against_a_share_of_the_smallest(A, holds):
-    assert claims.no_backlash(np.full(100, A), 0.26)[0] is holds
-    assert claims.no_backlash(np.full(10, 0.01), 0.26)[0] is None  # ten noises cannot tell
+    percentile, _ = claims.measure_no_backlash(np.full(100, A), 0.26)
+    assert published.decide("no_backlash", percentile) is holds
+    of_ten, _ = claims.measure_no_backlash(np.full(10, 0.01), 0.26)
+    assert published.decide("no_backlash", of_ten) is None  # ten noises cannot tell
 
 
 def test_the_teeth_meet_twice_a_turn_on_alternate_sides():
     phases = claims.impact_phases(identified_joint(), [9e-4])
     assert len(phases) == 22
     assert (phases["phase"] == "descent").sum() == 11
-    assert claims.impacts_at_phase_start(phases)[0]
-    assert not claims.impacts_at_phase_start(phases.assign(share_passed=-0.1))[0]
-    assert not claims.impacts_at_phase_start(phases.assign(share_passed=0.3))[0]
+    for passed, expected in ((phases["share_passed"], True), (-0.1, False), (0.3, False)):
+        share, _ = claims.measure_impacts(phases.assign(share_passed=passed))
+        assert published.decide("impacts_at_phase_start", share) is expected
 
 
 def test_the_error_of_a_shorter_record_is_measured_against_its_own_fit_without_noise():
-    errors = claims.noise_errors_by_turns(identified_joint(), [9e-4], [1e-9], [1, 2], 2)
-    assert errors["turns"].tolist() == [1, 2]
-    assert errors["rms_error_rps"].max() < 1e-4
+    errors = claims.noise_errors_by_turns(identified_joint(), [9e-4], [1e-9], [1, 2])
+    assert errors["turns"].tolist() == [1, 1, 12, 12]
+    assert errors["error_rps"].abs().max() < 1e-4
+
+
+@pytest.mark.parametrize(("ratio", "holds"), [(0.5, True), (0.99, None), (2.0, False)])
+def test_turns_reduce_the_error_if_the_ratio_of_errors_lies_surely_below_one(ratio, holds):
+    rows = [(9e-4, turns, k, error) for turns, error in ((1, 1.0), (12, ratio)) for k in range(160)]
+    errors = pd.DataFrame(rows, columns=["delta_rad", "turns", "noise", "error_rps"])
+    interval, words = claims.measure_turns(errors)
+    assert published.decide("turns_reduce_noise", interval) is holds
+    assert "160 noises" in words
+
+
+KEPT = pd.read_csv(RESULTS / "noise_by_turns.csv")
+
+
+def test_a_kept_error_by_noise_comes_again():
+    kept = KEPT[KEPT["noise"] == 7]
+    again = claims.kept_noise_errors([7])
+    np.testing.assert_allclose(again["error_rps"], kept["error_rps"], rtol=1e-3, atol=1e-6)
+
+
+def test_the_kept_errors_are_of_160_noises_each():
+    assert (KEPT.groupby(["delta_rad", "turns"])["noise"].nunique() == claims.NOISES).all()
+
+
+@pytest.mark.parametrize(
+    ("claim", "inside", "outside"),
+    [
+        ("uniform_noise", 0.5, 0.001),
+        ("no_backlash", (0.1, 0.2), (0.3, 0.4)),
+        ("little_tuning", (0.6, 0.7), (0.1, 0.2)),
+        ("cma_beats_swarms", (0.01, 0.9), (0.9, 0.01)),
+        ("code_and_data_public", 1, 0),
+    ],
+)
+def test_a_margin_lies_below_one_where_a_sentence_holds_and_above_where_it_does_not(
+    claim, inside, outside
+):
+    assert published.decide(claim, inside) is True
+    assert published.decide(claim, outside) is False
+    assert claims.margin(claim, inside)[1] <= 1 <= claims.margin(claim, outside)[0]
 
 
 def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():

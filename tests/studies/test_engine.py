@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from backlash.estimates import NONE
+from replication.files import ROOT
 from replication.joint import identified_joint
-from replication.records import ROOT
 from studies import engine
 
 JOINT = identified_joint()

@@ -3,6 +3,7 @@ import pandas as pd
 import pytest
 
 import workbook
+from replication import published
 from replication.records import Recording
 from replication.signature import h, rmse
 from studies import claims, optimizers
@@ -51,7 +52,19 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
     for name in optimizers.SWARMS:
         rows += result(f"{name}, population 300", "swarm", swarm)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
-    assert claims.cma_beats_swarms(compared)[0] is holds
+    p, _ = claims.measure_swarms(compared)
+    assert published.decide("cma_beats_swarms", p) is holds
+
+
+@pytest.mark.parametrize(("found", "holds"), [(0, True), (15, None), (30, False)])
+def test_classical_methods_cannot_be_applied_if_the_best_of_them_fails_more_often_than_not(
+    found, holds
+):
+    rows = result("simplex", "classical", found) + result("other", "classical", 0)
+    table = optimizers.success_table(pd.DataFrame(rows))
+    interval, words = claims.measure_classical(table, "classical")
+    assert published.decide("classical_cannot", interval) is holds
+    assert f"simplex {found} of 30" in words
 
 
 JOB = ["method", "level", "realisation", "seed"]

@@ -23,7 +23,7 @@ EXPORTED = {
 TESTED = [*CELLS.index[~CELLS["source"].isin(judging.NOT_TESTED)]]
 DERIVED_CELLS = [*CELLS.index[CELLS["source"] == "the paper's own numbers"]]
 # Tested only in the sense that the printed bound could be too low: it has no upper end.
-BOUNDS = {"text.error_limit_percent", "text.error_rad_small", "text.error_rad_large"}
+BOUNDS = {"text.error_limit_percent", "text.error_rad_small"}
 
 
 def judged(cell, numbers):
@@ -132,6 +132,18 @@ def test_another_number_of_ours_changes_the_verdict(cell):
         moved = [printed + over] if cell in BOUNDS else [printed - over, printed + over]
     for ours in moved:
         assert agreement(cell, ours) == "differs"
+
+
+def test_agreement_is_weak_where_half_or_twice_the_printed_number_would_agree_too():
+    cell, printed = "table2.row02.mean", published.value("table2.row02.mean")
+    for spread, weak in ((0.01, ""), (0.5, "yes")):
+        row = judged(cell, {"a": forty(printed, spread)})
+        assert (row["agreement"], row["weak"]) == ("agrees", weak)
+    far = judged(cell, {"a": forty(3 * printed, 0.1)})
+    assert (far["agreement"], far["weak"]) == ("differs", "")
+    table = judging.verdicts(RESULTS).set_index("id")
+    assert set(table.index[table["weak"] == "yes"]) >= {"table1.t0.min", "table2.row05.sd"}
+    assert (table.loc[table["weak"] == "yes", "agreement"] == "agrees").all()
 
 
 def test_what_is_not_tested_is_a_stand_in_or_taken_over_and_says_so_whatever_its_number():

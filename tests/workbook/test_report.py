@@ -31,7 +31,7 @@ def test_the_committed_report_and_readme_are_those_of_the_results(facts):
 
 
 @pytest.mark.parametrize(
-    "absent", [{"f": {}}, {"hardware": None}, {"changed": None}, {"changed": math.nan}], ids=str
+    "absent", [{"f": {}}, {"hardware": None}, {"weak": None}, {"weak": math.nan}], ids=str
 )
 def test_the_report_refuses_to_say_what_is_absent(facts, absent):
     with pytest.raises(UserError, match=r"run make all$"):
@@ -66,12 +66,61 @@ def test_make_check_prints_every_number_and_notices_a_new_difference():
 
 def test_a_number_that_changes_changes_the_sentences(facts):
     claims = facts["claims"].assign(verdict="holds")
-    assert f"{len(claims)} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
+    sentences = (claims["of"] == "paper").sum()
+    assert f"{sentences} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
     some = {"logs": 20, "refused": 20, "reasons": [("wrong period", 9)]}
     assert "of none is" not in render(facts, hardware=some)
     said = render(facts, hardware=some | {"refused": 15})
     assert "of 20 public logs of other joints our sensor refuses 15" in said
     assert "of none is the backlash known" in said
+
+
+def test_the_sentences_on_claims_move_with_their_verdicts(facts):
+    claims = facts["claims"].copy()
+    assert "In rad they grow with the backlash" in render(facts)
+    claims.loc["quality_decreases", "verdict"] = "does not hold"
+    claims.loc["error_below_10_method", "measured"] = "7 % of our 9 tables"
+    said = render(facts, claims=claims)
+    assert "In rad they do not grow with the backlash" in said
+    assert "the printed ones are; 7 % of our 9 tables" in said
+
+
+def test_a_number_that_agrees_weakly_is_counted_apart(facts):
+    verdicts = judging.verdicts(RESULTS)
+    verdicts.loc[verdicts["id"] == "table2.row05.mean", "weak"] = "yes"
+    weaker = report.describe(verdicts, judging.claims(RESULTS), RESULTS)
+    assert weaker["strong"] == facts["strong"] - 1
+    assert f"{weaker['strong']} agree by our own computation" in render(weaker)
+
+
+def test_the_theoretical_amplitudes_that_move_move_the_sentence_on_their_bias(facts):
+    cells = report.describe_cells(judging.verdicts(RESULTS))
+    assert report.describe_theoretical(cells)["mean"] == pytest.approx(1.11, abs=0.02)
+    moved = cells.assign(reproduced=0.99 * cells["reproduced"])
+    assert report.describe_theoretical(moved)["mean"] == pytest.approx(0.10, abs=0.02)
+    none = facts["theoretical"] | {"t": 0.4}
+    assert "no bias stands out" in render(facts, theoretical=none)
+
+
+def test_every_change_of_a_rule_starts_where_the_one_before_it_ended_and_ends_at_todays_verdict(
+    facts,
+):
+    table = published.table("deviations")
+    claims = facts["claims"]
+    for claim, changes in table[table["claim"] != ""].groupby("claim"):
+        assert claim in claims.index
+        verdicts = changes["verdict_before"].tolist()
+        assert changes["verdict_after"].tolist() == [*verdicts[1:], ""]  # empty: as today
+        assert set(verdicts) <= {*judging.CLAIM_VERDICTS.values()}
+    for change in facts["deviations"]:
+        assert f"{change['before']}: *{change['verdict_before']}*" in facts["chains"][
+            change["rule"]
+        ] or (change["verdict_before"] == "")
+    assert (table[["rule", "before", "after", "why"]] != "").all(axis=None)
+
+
+def test_every_kind_of_erratum_has_its_heading():
+    assert set(published.table("errata")["kind"]) == set(report.ERRATA)
 
 
 # ------------------------------------------------------------------------------------------------ Table 2 as a whole

@@ -11,9 +11,9 @@ from backlash.refusals import one_line, option_of, unit_of
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
-    "with an off-centre load whose gravity is above its friction. Strokes to and fro are not answered, so no axis with "
-    "end stops is. Its errors are known from simulated joints alone, with turns of 0.5 to 2.5 s; slower ones tell "
-    "less."
+    "with an off-centre load whose gravity is above its friction. All other axes stand still, the base is stiff, the "
+    "gear is warm. Strokes to and fro are not answered, so no axis with end stops is. Its errors are known from "
+    "simulated joints alone, with turns of 0.5 to 2.5 s; slower ones tell less."
 )
 _STATUS = (
     "Exit status: 0 done, also where it cannot tell, 1 a defect, 2 unusable input, 130 interrupted."
@@ -36,14 +36,19 @@ _WRONG = (
     "the paper's index A: compare it only with logs of the same joint in the same movement. "
 )
 _TORQUE = (
-    "Under any drive: --torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio "
-    "and --gravity. An error of the gravity is one of the backlash: give both as well as they are known, with their "
-    "SDs, which enter the interval. The answer prints the gravity and the inertia ratio that fit."
+    "--torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio and --gravity. "
+    "Torque or current as the drive measures it: a low-pass of some ms is found, a running mean is refused. An error "
+    "of the gravity is one of the backlash: give both as well as they are known, with their SDs, which enter the "
+    "interval."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
-    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity, --commanded-speed of the joint; such a log "
-    "is never told to have no backlash, for the load's side hardly shows it."
+    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity; such a log is never told to have no backlash, "
+    "for the load's side hardly shows it."
+)
+_COLUMNS = (
+    "By name, or by number in the file, from 1; else the motor's measured ones are found by name, and what may be two "
+    "things is asked for. Every answer names them, with their units."
 )
 
 
@@ -129,15 +134,16 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
         "--batch",
         type=_path,
         metavar="TABLE",
-        help="CSV or Parquet with the column file, and joint, date, and each log's own turn_period_s, gear_ratio, "
-        "torque, inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, load_inertia_kgm2), "
-        "...",
+        help="CSV, XLSX or Parquet with the column file, and joint, date, and each log's own turn_period_s, "
+        "gear_ratio, torque, inertia_ratio, gravity_per_s2 (or motor_inertia_kgm2, load_mass_kg, load_arm_m, "
+        "load_inertia_kgm2), "
+        "...; other columns are not read",
     )
     add("--jobs", type=int, default=-1, help="processes (default: all cores)")
 
 
 def _add_torque(command: argparse.ArgumentParser) -> None:
-    group = command.add_argument_group("by the torque (recommended)", _TORQUE)
+    group = command.add_argument_group("the torque and the load", _TORQUE)
     group.add_argument(
         "--torque",
         metavar="COLUMN",
@@ -162,7 +168,7 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
         group,
         gear_ratio="motor turns in a load turn; 1 for the joint's side",
         turn_period_s="of the load, in place of the gear ratio, or too",
-        commanded_speed_rps="to check the unit by",
+        commanded_speed_rps="of the motor: checks the unit, and tells which of several speeds is meant",
         ring_hz="of the oscillation after an impact (21); below 4 times as many samples a second a log is refused",
     )
     add = partial(group.add_argument, type=float, metavar="S")
@@ -176,11 +182,7 @@ def _add_movement(command: argparse.ArgumentParser) -> None:
 
 
 def _add_columns(command: argparse.ArgumentParser) -> None:
-    what = (
-        "Columns by name, or by number in the file, from 1; else the motor's measured ones are found by name, and what "
-        "may be two things is asked for. Every answer names them, with their units."
-    )
-    group = command.add_argument_group("the log's columns", what)
+    group = command.add_argument_group("the log's columns", _COLUMNS)
     add = group.add_argument
     add("--time", metavar="COLUMN", help="stamps")
     add("--time-unit", metavar="UNIT", help="of the time stamps: s, ms, us, ns, 100ns, min, h, d")
@@ -189,6 +191,6 @@ def _add_columns(command: argparse.ArgumentParser) -> None:
     add("--position", metavar="COLUMN", help="instead of the speed")
     add(
         "--unit",
-        help="of the speed: rps, rpm, rad/s, deg/s, counts; of a position: rps for turns, rad/s for rad",
+        help="of the speed: rps, rpm, rad/s, deg/s, counts (a second); of a position: turns, rad, deg, counts",
     )
     _add_numbers(group, counts_per_turn="encoder counts of a motor turn")

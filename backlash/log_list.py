@@ -1,19 +1,21 @@
-"""Many logs: in folders, or in tables whose cells are text, each converted for its own row alone."""
+"""Lists of logs: in folders, or in tables whose cells are text, each converted for its own row alone."""
 
 import io
 import os
-import re
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import pandas as pd
 
-from backlash.reading.sources import MOST_TABLE_BYTES, name_of, naming, read_bytes
+from backlash.estimates import GIVEN, Request, request_for
+from backlash.reading.limits import LIMITS
+from backlash.reading.packed import check_size, is_workbook, read_parquet_text, workbook_text
+from backlash.reading.sources import name_of, naming, read_bytes
 from backlash.reading.tables import decoded
 from backlash.refusals import Refusal
-from backlash.settings import GIVEN, Settings, settings_for
 
 TableOfLogs: TypeAlias = pd.DataFrame | str | PathLike[str]
 KEYS = ["joint", "date"]
@@ -24,10 +26,10 @@ _TRUTHS |= {"no": False, "false": False, "n": False, "0": False}
 
 
 class Batch(NamedTuple):
-    """Logs with their settings, or why they have none; `keys` are joints and dates, as far as a table has them."""
+    """Logs with what is asked of each, or why it cannot be; `keys` are joints and dates, if a table has them."""
 
     logs: Sequence[Any]
-    settings: Sequence[Settings | Refusal]
+    requests: Sequence[Request | Refusal]
     keys: pd.DataFrame
 
 
@@ -35,29 +37,35 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if isinstance(source, Sequence) and not isinstance(source, str):
         keys = pd.DataFrame(index=range(len(source)))
-        return Batch(source, [settings_for(log, given) for log in source], keys)
+        return Batch(source, [request_for(log, given) for log in source], keys)
     if not isinstance(source, pd.DataFrame | str | PathLike):
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
         )
     table = read_rows(source, "file")
     logs = _paths_of(source, table.pop("file"))
-    columns = ("file", *KEYS, *GIVEN)
-    if unknown := {*table}.difference(columns):
-        raise Refusal(f"{_called(source)}: column {min(unknown)!r}; there are {', '.join(columns)}")
-    settings: list[Settings | Refusal] = []
+    _refuse_misspelt(source, table)
+    requests: list[Request | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            own = {name: cell for name, cell in options_of(row).items() if name not in KEYS}
-            settings.append(settings_for(log, {**given, **own}))
+            own = {name: cell for name, cell in options_of(row).items() if name in GIVEN}
+            requests.append(request_for(log, {**given, **own}))
         except Refusal as refusal:
-            settings.append(Refusal(f"{_called(source)}, {Path(name_of(log)).name}: {refusal}"))
-    return Batch(logs, settings, keys_of(table))
+            requests.append(Refusal(f"{_called(source)}, {Path(name_of(log)).name}: {refusal}"))
+    return Batch(logs, requests, keys_of(table))
+
+
+def _refuse_misspelt(source: TableOfLogs, table: pd.DataFrame) -> None:
+    """Refuse a column that is nearly one that is read; others may stand in the table, too."""
+    names = ("file", *KEYS, *GIVEN)
+    for column in sorted({*map(str, table)}.difference(names)):
+        if meant := get_close_matches(column.lower().replace(" ", "_"), names, 1, 0.8):
+            raise Refusal(f"{_called(source)}: column {column!r} is not read; is it {meant[0]!r}?")
 
 
 def find_logs(paths: Sequence[Path], out: Path | None = None) -> list[Path]:
     """Logs that files and folders stand for, each once: of a folder all below it but the table of answers."""
-    answers = os.path.realpath(out or os.devnull)
+    answers = os.path.realpath(out) if out else ""
     logs: dict[str, Path] = {}
     for path in paths:
         inside = sorted(filter(_is_log, path.rglob("*"))) if path.is_dir() else [path]
@@ -77,7 +85,7 @@ def _paths_of(source: TableOfLogs, names: pd.Series) -> list[Any]:
     """Logs by their names, which in a file are relative to it."""
     if isinstance(source, pd.DataFrame):
         return names.tolist()
-    return [Path(source).parent / name.strip() for name in names.fillna("")]
+    return [Path(source).parent / name.strip().replace("\0", "?") for name in names.fillna("")]
 
 
 def read_rows(source: TableOfLogs, *columns: str) -> pd.DataFrame:
@@ -94,14 +102,16 @@ def read_rows(source: TableOfLogs, *columns: str) -> pd.DataFrame:
 
 def _read_file(name: str) -> pd.DataFrame:
     with naming(name):
-        content = read_bytes(name, MOST_TABLE_BYTES)
+        content = read_bytes(name, LIMITS.most_list_bytes)
         if content.startswith(b"PAR1"):
-            return pd.read_parquet(io.BytesIO(content))
-        text = decoded(content)
+            return read_parquet_text(content)
+        text = workbook_text(content)[0] if is_workbook(content) else decoded(content)
         first = text.partition("\n")[0]
+        check_size(text.count("\n"), len(first))
+        marks = [mark for mark in ",;\t" if mark in first]
         return pd.read_csv(
             io.StringIO(text),
-            sep=";" if ";" in first and "," not in first else ",",
+            sep=marks[0] if marks else ",",
             dtype=str,
             keep_default_na=False,
             na_values=[""],
@@ -110,10 +120,8 @@ def _read_file(name: str) -> pd.DataFrame:
 
 
 def keys_of(table: pd.DataFrame) -> pd.DataFrame:
-    """Joints, escaped as names of files are, and dates of a table's rows, as far as it has them."""
+    """Joints and dates of a table's rows, as far as it has them."""
     keys = table[[name for name in KEYS if name in table]].copy()
-    if "joint" in keys:
-        keys["joint"] = keys["joint"].map(escape, na_action="ignore")
     if "date" in keys:
         keys["date"] = _as_dates(keys["date"])
     return keys
@@ -121,11 +129,6 @@ def keys_of(table: pd.DataFrame) -> pd.DataFrame:
 
 def _as_dates(cells: pd.Series) -> pd.Series:
     return pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce").dt.tz_localize(None)
-
-
-def escape(name: object) -> str:
-    """A name that a table can hold, and that is no formula for a spreadsheet."""
-    return re.sub(r"^(?=[=+@\s-])", "'", str(name).encode(errors="replace").decode())
 
 
 def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import traceback
 import warnings
 from pathlib import Path
 
-from backlash.options import Exit, parser
+from backlash.cli.options import Exit, parser
 from backlash.refusals import Refusal, one_line
 from replication import pinned_environment
 from replication.files import UserError
@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)
-            from backlash.commands import run  # what only a right command needs
+            from backlash.cli.estimate_logs import run  # what only a right command needs
 
             status = run(options)
             sys.stdout.flush()

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from backlash import estimates
-from backlash.estimates import Estimate
-from backlash.options import Exit
-from backlash.plant import Batch, find_logs, read_batch
+from backlash.answer import Estimate
+from backlash.cli.options import Exit
+from backlash.estimates import GIVEN
+from backlash.log_list import Batch, find_logs, read_batch
 from backlash.reading.sources import STDIN
 from backlash.refusals import Refusal, library
-from backlash.settings import GIVEN
 from replication.files import write_bytes, write_csv
 
 _OURS = b"total_play_high_rad"  # in what --out writes
@@ -109,11 +109,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _examine_alone(logs: Batch, options: argparse.Namespace) -> Iterator[tuple[int, Estimate]]:
     """Answer for one log, whose defects are not held back as those of one among many are."""
-    [log], [settings] = logs.logs, logs.settings
-    if options.json or options.jsonl or isinstance(settings, Refusal):
-        answer = estimates.examine_or_refuse(log, settings)
+    [log], [request] = logs.logs, logs.requests
+    if options.json or options.jsonl or isinstance(request, Refusal):
+        answer = estimates.examine_or_refuse(log, request)
     else:
-        answer = estimates.examine(log, settings)
+        answer = estimates.examine(log, request)
     if options.plot and answer.trace:
         _draw(Path(), answer, options.plot)
     elif options.plot:
@@ -134,7 +134,7 @@ def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None
     """Write a table of answers, by joint and date."""
     from backlash.batch import as_table
 
-    table = logs.keys.join(as_table(answers))
+    table = as_table(answers, logs.keys)
     if path.suffix.lower() == ".parquet":
         write_bytes(path, table.to_parquet(index=False))
     else:

@@ -1,0 +1,147 @@
+"""The movement: the stretch of turns at one speed, and what no motor or logger of one does."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from backlash.reading.columns import LogOptions
+from backlash.reading.limits import LIMITS
+from backlash.reading.samples import Samples
+from backlash.refusals import Reason, Refusal
+from replication.records import Recording
+from replication.signature import FloatArray
+
+
+def keep_constant_speed(samples: Samples) -> Samples:
+    """Keep the longest stretch of turns that repeat at one mean speed, of the first turns of a long one."""
+    v, dt, options = samples.v, samples.dt, samples.options
+    width = max(3, round(LIMITS.smoothing_s / dt))
+    smooth = uniform_filter1d(v, width, mode="nearest")
+    level = usual_speed(smooth, options.expected_speed_rps)
+    if level <= np.std(v - smooth):
+        raise Refusal("the motor stands still, or turns both ways", Reason.NOT_CONSTANT_SPEED)
+    level, first, last = _repeating_turns(v, smooth, level, dt, options)
+    _check_speed(level, options)
+    period = options.period_s(level)
+    if period < LIMITS.least_samples * dt:
+        what = f"a load turn of {period:.3g} s is {period / dt:.1f} samples long"
+        raise Refusal(what, Reason.TOO_SHORT)
+    first += 2 * width * (first > 0)
+    last -= 2 * width * (last < v.size)
+    turns = (last - first) * dt / period
+    if turns < LIMITS.least_turns - dt / period:
+        if smooth.min() < -0.5 * smooth.max() and smooth.max() > -0.5 * smooth.min():
+            raise Refusal(
+                "the motor moves to and fro; the joint has to turn round in one direction, "
+                f"{LIMITS.least_turns} turns or more",
+                Reason.NOT_CONSTANT_SPEED,
+            )
+        is_short = last - first > 0.9 * v.size
+        raise Refusal(
+            f"{max(turns, 0):.1f} load turns of {period:.4g} s at {level:.4g} rps; {LIMITS.least_turns} alike are "
+            "needed, 12 are good (a log of the joint's side needs --gear-ratio 1)",
+            Reason.TOO_SHORT if is_short else Reason.NOT_CONSTANT_SPEED,
+        )
+    if last - first < v.size:
+        samples = samples.noting(f"used the constant speed {samples.when(slice(first, last))}")
+    if turns > LIMITS.most_turns:
+        last = first + round(LIMITS.most_turns * period / dt) + 1
+        samples = samples.noting(f"{turns:.0f} turns: used the first {LIMITS.most_turns}")
+    return samples.at(slice(first, last))
+
+
+def _repeating_turns(
+    v: FloatArray, smooth: FloatArray, level: float, dt: float, options: LogOptions
+) -> tuple[float, int, int]:
+    """Speed [rps] of the longest stretch of turns alike, and its first and past-the-end sample.
+
+    Within a turn the speed may do what the drive lets it: asked is that its mean over a turn stays,
+    and that it comes back a turn later.
+    """
+    for _ in range(10):  # by a gear ratio the turn goes by the level, and the level by the turn
+        n = round(options.period_s(level) / dt)
+        if not 0 < n < v.size:
+            return level, 0, v.size
+        means = uniform_filter1d(v, n, mode="nearest", origin=-(n // 2))[: v.size - n]
+        level = usual_speed(means, options.expected_speed_rps)
+    tolerance = LIMITS.tolerance * level
+    is_alike = np.abs(smooth[n:] - smooth[:-n]) < tolerance
+    is_level = np.abs(np.abs(means) - level) < tolerance
+    first, last = _longest_run(np.where(is_alike & is_level, np.sign(means), 0.0))
+    return level, first, last + n if last > first else first
+
+
+def usual_speed(v: FloatArray, expected: float | None) -> float:
+    """The speed [rps], without sign, that a log keeps longest; near the expected one if that is among them."""
+    speed = np.abs(v)
+    most = speed.max()
+    if expected is not None:
+        is_near = np.abs(speed / expected - 1) < 2 * LIMITS.tolerance
+        if np.mean(is_near) > 0.1:
+            speed = speed[is_near]
+    rising = np.sort(speed[speed > 0.05 * most])  # not standing still
+    alike = np.searchsorted(rising, rising + 0.5 * LIMITS.tolerance * most)
+    count = alike - np.arange(rising.size)
+    best = count.argmax()
+    return float(np.median(rising[best : alike[best]]))
+
+
+def _longest_run(state: FloatArray) -> tuple[int, int]:
+    """First and past-the-end index of the longest run of one value that is not 0; twice the same if there is none."""
+    starts = np.flatnonzero(np.diff(state, prepend=np.nan))
+    lengths = np.diff(starts, append=state.size) * (state[starts] != 0)
+    best = lengths.argmax()
+    return int(starts[best]), int(starts[best] + lengths[best])
+
+
+def _check_speed(level: float, options: LogOptions) -> None:
+    """Refuse a speed that is not the expected one, or none of a motor."""
+    expected = options.expected_speed_rps
+    if expected is None and level > LIMITS.fastest_rps:
+        raise Refusal(
+            f"the speed is {level:.4g} rps, more than motors turn; is it in rpm, rad/s, deg/s or counts? "
+            "then give --unit, else --commanded-speed"
+        )
+    if expected is not None and abs(level / expected - 1) > LIMITS.tolerance:
+        source = "commanded" if options.commanded_speed_rps else "by gear ratio and turn"
+        raise Refusal(
+            f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {source}; "
+            "is --unit right?",
+            Reason.NOT_CONSTANT_SPEED,
+        )
+
+
+def turn_forward(samples: Samples) -> Samples:
+    """Change the signs of a motor that turns backward."""
+    if samples.v.mean() >= 0:
+        return samples
+    note = "the motor turns backward: the speed's sign is changed"
+    return replace(samples, signals=-samples.signals).noting(note)
+
+
+def make_recording(samples: Samples, name: str) -> Recording:
+    """The record with its speed and turn period, of a speed that does not drift."""
+    t, v, options = samples.t, samples.v, samples.options
+    mean = float(v.mean())
+    period = options.period_s(mean)
+    # Gravity's part repeats in the first whole turns and the last.
+    n = period / samples.dt
+    some = round(max(v.size / n // 4, 1) * n)
+    drift = float(v[-some:].mean() - v[:some].mean())
+    if abs(drift) > LIMITS.most_drift * mean:
+        what = f"it drifts by {drift:+.3g} rps from {mean:.4g} rps"
+        raise Refusal(what, Reason.NOT_CONSTANT_SPEED)
+    if mean * period < LIMITS.least_ratio:
+        raise Refusal(
+            f"at {mean:.3g} rps the motor makes {mean * period:.2g} turns in a load turn of {period:.4g} s; is the "
+            "unit or the turn another one?"
+        )
+    ratio = options.gear_ratio
+    if options.turn_period_s and ratio and abs(ratio / mean / period - 1) > LIMITS.tolerance:
+        raise Refusal(
+            f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s, "
+            f"not the {period:g} s given",
+            Reason.WRONG_PERIOD,
+        )
+    return Recording(t - t[0], v, mean, period, name)

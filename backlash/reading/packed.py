@@ -1,0 +1,136 @@
+"""Workbooks and Parquet files, which a few bytes can make large: their sizes are checked before they are unpacked."""
+
+import csv
+import io
+import re
+import warnings
+import zipfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from itertools import pairwise
+from typing import Any
+
+import pandas as pd
+
+from backlash.reading.limits import LIMITS
+from backlash.refusals import Refusal, library
+
+ADVICE = "cut it to the test movement, a minute at most"
+# Parquet columns that may hold a signal; text and nested ones may unpack to anything.
+_NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "duration", "decimal")
+_SHEET = re.compile(r"(.*/)?(worksheets/[^/]+|sharedStrings)\.xml", re.IGNORECASE)
+_ROW = re.compile(rb"<(?:\w+:)?row\b")
+
+
+def check_size(rows: int, columns: int) -> None:
+    """Refuse a table that takes more time and memory than a log is worth."""
+    if columns > LIMITS.most_columns:
+        raise Refusal(
+            f"{columns:,} columns, more than {LIMITS.most_columns:,}; export those of time, speed and torque"
+        )
+    check_cells(rows * columns)
+
+
+def check_cells(cells: int) -> None:
+    """Refuse too many cells."""
+    if cells > LIMITS.most_cells:
+        raise Refusal(f"more than {LIMITS.most_cells:,} cells; {ADVICE}, or export fewer columns")
+
+
+@contextmanager
+def _unpacking() -> Iterator[None]:
+    """Refuse what hostile bytes make the libraries raise."""
+    try:
+        yield
+    except Refusal:
+        raise
+    except Exception as error:
+        raise Refusal(
+            f"no readable workbook or Parquet file ({type(error).__name__}: {error!s:.200}); "
+            "save the log as CSV"
+        ) from error
+
+
+def read_parquet(content: bytes) -> pd.DataFrame:
+    """Read the numbers of a Parquet file; its other columns are empty."""
+    parquet = library("pyarrow.parquet", "parquet")
+    with _unpacking(), parquet.ParquetFile(io.BytesIO(content)) as file:
+        schema = file.schema_arrow
+        numeric = [field.name for field in schema if str(field.type).startswith(_NUMERIC)]
+        check_size(file.metadata.num_rows, max(len(schema), 1))
+        table = file.read(columns=numeric, use_threads=False)
+        frame = table.to_pandas(ignore_metadata=True).reindex(columns=schema.names)
+    frame.index = frame.index + 1
+    return frame
+
+
+def read_parquet_text(content: bytes) -> pd.DataFrame:
+    """Read all of a small Parquet file; text stays packed, so that a long one that is repeated is held once."""
+    parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
+    with _unpacking(), parquet.ParquetFile(io.BytesIO(content)) as file:
+        check_size(file.metadata.num_rows, len(file.schema_arrow))
+        texts = [
+            f.name
+            for f in file.schema_arrow
+            if pyarrow.types.is_large_string(f.type) or pyarrow.types.is_string(f.type)
+        ]
+    with _unpacking():
+        return parquet.read_table(
+            io.BytesIO(content), read_dictionary=texts, use_threads=False
+        ).to_pandas()
+
+
+def is_workbook(content: bytes) -> bool:
+    """Whether a file is an XLSX by its first bytes."""
+    return content.startswith(b"PK\3\4")
+
+
+def workbook_text(content: bytes) -> tuple[str, str]:
+    """The active sheet of a workbook as text, formulas by stored results, and which sheet that is."""
+    load_workbook = library("openpyxl", "xlsx").load_workbook
+    library("defusedxml", "xlsx")  # refuses entities
+    with _unpacking():
+        _check_parts(content)
+        options = {"read_only": True, "data_only": True, "keep_links": False}
+        opened = load_workbook(io.BytesIO(content), **options)
+        with warnings.catch_warnings(action="ignore"), closing(opened) as book:
+            return _sheet_text(book)
+
+
+def _check_parts(content: bytes) -> None:
+    """Refuse a workbook whose parts unpack to more than is worth reading.
+
+    Styles and relations become objects a hundred times as large, sheets and texts are read one by one.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as bundle:
+        parts = bundle.infolist()
+        if sum(part.file_size for part in parts) > LIMITS.most_bytes:
+            raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
+        others = [p for p in parts if not _SHEET.fullmatch(p.filename)]
+        extra = sum(p.file_size for p in others if p.filename.endswith((".xml", ".rels")))
+        if extra > LIMITS.most_style_bytes:
+            raise Refusal(
+                f"its styles and relations unpack to {extra / 2**20:.0f} MiB; save the log as CSV"
+            )
+        for part in set(parts) - set(others):
+            sheet = bundle.read(part)
+            # A cell has four signs, a hostile one a single one.
+            check_cells(sheet.count(b"<") // 4)
+            starts = [match.start() for match in _ROW.finditer(sheet)]
+            for start, end in pairwise([*starts, len(sheet)]):
+                check_size(1, sheet.count(b"<", start, end) // 8)
+
+
+def _sheet_text(book: Any) -> tuple[str, str]:
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
+    cells = 0
+    visible = [each for each in book.worksheets if each.sheet_state == "visible"]
+    sheet = book.active if book.active in visible else visible[0]
+    sheet.reset_dimensions()
+    for row in sheet.iter_rows(values_only=True):
+        cells += len(row) + 1
+        check_cells(cells)
+        writer.writerow(row)
+    others = ", ".join(repr(each.title) for each in book.worksheets if each is not sheet)
+    return text.getvalue(), f"{sheet.title!r} (not {others})" if others else ""

@@ -1,0 +1,83 @@
+"""Samples of a log on their way to a record; each step of `prepare` takes them and hands them on."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from backlash.reading.columns import Columns, LogOptions
+from backlash.refusals import Refusal
+from replication.signature import FloatArray
+
+
+class Suspect(NamedTuple):
+    """Samples whose values may be none of a measurement."""
+
+    t: FloatArray
+    rows: pd.Index
+    what: str  # with a place for their count
+    is_of_movement: bool  # of the speed or position
+
+    def refusal(self, used: NDArray[np.bool_] | slice = slice(None)) -> Refusal:
+        """Why a log cannot be used that has some of them."""
+        row = int(self.rows[used][0]) if len(self.rows) else None
+        return Refusal(self.what.format(count=self.t[used].size), row=row)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Time [s] and signals, a row each: speed [rps] or position [turns], and the torque if there is one."""
+
+    t: FloatArray
+    signals: FloatArray  # shape (signals, samples)
+    rows: pd.Index  # of the file, as far as samples are those of rows
+    options: LogOptions
+    columns: Columns
+    notes: tuple[str, ...] = ()
+    suspects: tuple[Suspect, ...] = ()
+
+    @property
+    def dt(self) -> float:
+        """Sampling period of even samples [s]."""
+        return float(self.t[1] - self.t[0])
+
+    @property
+    def v(self) -> FloatArray:
+        """The speed [rps], or position [turns] until it is differentiated."""
+        return self.signals[0]
+
+    def named_signals(self) -> Iterator[tuple[str, FloatArray]]:
+        """The signals with what they are called."""
+        names = ("position" if self.columns.is_position else "speed", "torque")
+        return zip(names, self.signals, strict=False)
+
+    def row(self, k: int) -> int | None:
+        """The file's row of a sample."""
+        return int(self.rows[k]) if len(self.rows) == self.t.size else None
+
+    def suspecting(self, name: str, chosen: NDArray[np.int64], what: str) -> "Samples":
+        """The same samples with some of them suspected in the signal of a name."""
+        rows = self.rows[chosen] if len(self.rows) == self.t.size else self.rows[:0]
+        suspect = Suspect(self.t[chosen], rows, what, name != "torque")
+        return replace(self, suspects=(*self.suspects, suspect))
+
+    def noting(self, *notes: str) -> "Samples":
+        """The same samples with notes on what was done to them."""
+        return replace(self, notes=(*self.notes, *notes))
+
+    def at(self, chosen: slice | NDArray[np.bool_]) -> "Samples":
+        """A part of the samples."""
+        rows = self.rows[chosen] if len(self.rows) == self.t.size else self.rows
+        return replace(self, t=self.t[chosen], signals=self.signals[:, chosen], rows=rows)
+
+    def moved(self, t: FloatArray, signals: FloatArray) -> "Samples":
+        """Other samples of the same log, which are those of no row."""
+        return replace(self, t=t, signals=signals, rows=self.rows[:0])
+
+    def when(self, chosen: slice = slice(None)) -> str:
+        """From when to when a part lasts, in words."""
+        t = self.t[chosen]
+        return f"from {t[0]:.3f} to {t[-1]:.3f} s after the log's first sample"

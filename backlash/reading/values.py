@@ -1,0 +1,193 @@
+"""Values that no motor has or no logger measured: zeros between, stray, frozen, clipped, held and interpolated ones."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from backlash.reading.limits import LIMITS
+from backlash.reading.movement import usual_speed
+from backlash.reading.samples import Samples
+from backlash.refusals import Refusal
+from replication.signature import FloatArray
+
+Mask = NDArray[np.bool_]
+
+
+def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First indices and lengths of the runs of equal values."""
+    starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
+    return starts, np.diff(starts, append=signal.size)
+
+
+def _finest(signal: FloatArray) -> float:
+    """The smallest step between two values, of a coarse signal its resolution."""
+    gaps = np.diff(np.unique(signal))
+    return float(gaps[gaps > 1e-9 * np.ptp(signal)].min(initial=np.ptp(signal)))
+
+
+def refuse_zeros_between(samples: Samples) -> Samples:
+    """Refuse rows of zeros between those of a motor that turns."""
+    signal = samples.v
+    starts, lengths = runs_of(signal)
+    far = np.abs(signal) > 0.5 * np.median(np.abs(signal[signal != 0]))
+    inner = starts[(signal[starts] == 0) & (lengths < LIMITS.least_frozen)]
+    after = inner + lengths[np.searchsorted(starts, inner)]
+    is_between = (inner > 0) & (after < signal.size)
+    inner, after = inner[is_between], after[is_between]
+    zeros = inner[far[inner - 1] & far[after]]
+    if zeros.size > LIMITS.most_single * signal.size:
+        raise Refusal(
+            f"{samples.columns.signal} is 0 at {zeros.size:,} places between rows that are not; leave out the rows "
+            "without a measurement",
+            row=samples.row(zeros[0]),
+        )
+    return samples
+
+
+def mark_strays(samples: Samples) -> Samples:
+    """Suspect single samples of the torque that stand out of all others."""
+    for torque in samples.signals[1:]:
+        away = np.abs(torque - median_filter(torque, 5, mode="nearest"))
+        reach = LIMITS.stray * np.ptp(np.quantile(torque, (0.01, 0.99)))
+        strays = np.flatnonzero(away > max(reach, LIMITS.stray_deviations * np.median(away)))
+        if 0 < strays.size <= LIMITS.most_single * torque.size:
+            what = (
+                f"{{count}} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
+                f"{torque[max(strays[0] - 1, 0)]:.4g}; mend them, or leave their cells empty"
+            )
+            samples = samples.suspecting("torque", strays, what)
+    return samples
+
+
+def mark_frozen(samples: Samples) -> Samples:
+    """Suspect values that stand too long: a frozen signal, or a stand-in for what is missing."""
+    for name, signal in samples.named_signals():
+        starts, lengths = runs_of(signal)
+        jumps = np.abs(np.diff(signal[starts], prepend=signal[0], append=signal[-1]))
+        finest = _finest(signal)
+        usual = lengths[lengths < LIMITS.longest_hold]
+        share = 1 - usual.size / max(usual.sum(), 1)
+        # As long as that no run of `share` repetitions is by chance.
+        least = LIMITS.least_frozen
+        if share > 0:
+            least = max(least, 3 - 3 * np.log(signal.size) / np.log(share))
+        # A coarse signal that turns slowly goes on by one step.
+        leap = np.maximum(jumps[:-1], jumps[1:])
+        is_leap = leap >= LIMITS.least_leap * finest
+        # At a limit a signal is clipped, unless it gets there at once.
+        at_end = (signal[starts] == signal.max()) | (signal[starts] == signal.min())
+        is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
+        if name == "speed":  # a motor at rest has one
+            is_leap &= np.abs(signal[starts]) > 0.05 * np.abs(signal).max()
+        is_frozen = is_leap & (lengths >= least)
+        for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
+            what = (
+                f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
+                "stand-in for missing values; cut the log there"
+            )
+            samples = samples.suspecting(name, np.arange(start, start + length), what)
+    return samples
+
+
+def keep_new_values(samples: Samples) -> Samples:
+    """Keep the rows that have new values, where a logger repeats the last one, or draws lines between two."""
+    slowest, how = np.ones(samples.t.size, dtype=bool), ""
+    for name, signal in samples.named_signals():
+        for kind, is_new in (("stands", _is_not_held(signal)), ("lies on lines", _is_knot(signal))):
+            if is_new.sum() < slowest.sum():
+                slowest, how = is_new, f"the {name} {kind}"
+    if slowest.all():
+        return samples
+    thinned = samples.at(slowest)
+    steps = np.diff(thinned.t) / np.median(np.diff(thinned.t))
+    rate = (thinned.t.size - 1) / np.ptp(thinned.t)
+    said = f"{how} for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
+    if np.mean(np.abs(steps - 1) > 0.5) > LIMITS.most_invented:
+        raise Refusal(
+            f"{said}, at uneven instants; log each value when it is new, or at a fixed rate"
+        )
+    least_hz = LIMITS.good_rate * samples.options.ring_hz
+    if rate < least_hz:
+        raise Refusal(f"{said}, {least_hz:.0f} are needed; log each value when it is new")
+    return thinned.noting(f"{said}, which were used")
+
+
+def _is_not_held(signal: FloatArray) -> Mask:
+    """Samples that do not repeat the one before, if that is no matter of coarse steps."""
+    starts, lengths = runs_of(signal)
+    jumps = np.abs(np.diff(signal[starts]))
+    usual = lengths[lengths < LIMITS.longest_hold]
+    is_new = np.ones(signal.size, dtype=bool)
+    if usual.size < LIMITS.least_samples or not jumps.size:
+        return is_new
+    is_coarse = np.median(jumps) < LIMITS.least_leap * _finest(signal)
+    is_often = np.mean(usual > 1) > LIMITS.least_held
+    if is_often and (not is_coarse or _is_multiple(usual)):
+        is_new[:] = False
+        is_new[starts] = True
+    return is_new
+
+
+def _is_multiple(lengths: NDArray[np.int64]) -> bool:
+    """Whether nearly all lengths are multiples of the commonest, which is above one."""
+    most = int(np.bincount(lengths).argmax())
+    return most > 1 and float(np.mean(lengths % most == 0)) > LIMITS.most_regular
+
+
+def _is_knot(signal: FloatArray) -> Mask:
+    """Samples that do not lie on the line through their neighbours, if many do."""
+    bend = np.abs(np.diff(signal, 2))
+    finest = _finest(signal)
+    is_knot = np.ones(signal.size, dtype=bool)
+    steps = np.abs(np.diff(signal))
+    is_line = (bend <= 2.5 * finest) & (np.minimum(steps[1:], steps[:-1]) > 2.5 * finest)
+    if is_line.mean() < LIMITS.least_lines or is_line.all():
+        return is_knot
+    if np.median(bend[~is_line]) > 4 * LIMITS.least_leap * finest:
+        is_knot[1:-1] = ~is_line
+    return is_knot
+
+
+def refuse_speed_spikes(samples: Samples) -> Samples:
+    """Refuse single samples of the speed that no motor could follow."""
+    v, t = samples.v, samples.t
+    usual = median_filter(v, 5, mode="nearest")
+    limit = LIMITS.spike * usual_speed(v, samples.options.expected_speed_rps)
+    away = np.flatnonzero(np.abs(v - usual) > limit)
+    if 0 < away.size <= LIMITS.most_single * v.size:
+        k = away[0]
+        cure = "mend or cut the log; of a speed differentiated by uneven stamps log the position"
+        raise Refusal(
+            f"{away.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
+            f"{t[k]:.6g} s after the first; {cure}"
+        )
+    return samples
+
+
+def refuse_clipping(samples: Samples) -> Samples:
+    """Refuse a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
+    for name, signal in samples.named_signals():
+        levels, counts = np.unique(signal, return_counts=True)
+        if levels.size < LIMITS.least_values:
+            continue
+        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
+            limit = levels[end]
+            at = signal == limit
+            held = np.flatnonzero(at[2:] & at[1:-1] & at[:-2])
+            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
+            if is_piled and held.size > LIMITS.most_clipped * signal.size:
+                raise Refusal(
+                    f"the {name} is clipped at {limit:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples, "
+                    f"first {samples.t[held[0]]:.6g} s after the first sample; log it with a wider range, or move "
+                    "slower"
+                )
+    return samples
+
+
+def refuse_suspects(samples: Samples) -> Samples:
+    """Refuse what was suspected within the samples that are used."""
+    for suspect in samples.suspects:
+        is_used = (suspect.t >= samples.t[0]) & (suspect.t <= samples.t[-1])
+        if is_used.any():
+            raise suspect.refusal(is_used)
+    return samples

@@ -1,0 +1,200 @@
+"""Values that no logger measured: told for what they are, or undone; coarse ones are left alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backlash.estimates import refuse_averaged
+from backlash.reading.columns import LogOptions
+from backlash.reading.prepare import open_log
+from backlash.refusals import Refusal
+from replication.records import Recording
+from tests.logs import TURN, file, noisy, refusal
+
+T, V = noisy().t, noisy().v
+RNG = np.random.default_rng(3)
+TORQUE = 3 + 10 * np.sin(2 * np.pi * T / 0.4) + RNG.normal(0, 0.3, T.size)
+WITH_TORQUE = replace(TURN, torque="torque")
+K = np.arange(T.size)
+
+
+def frame(v=V, torque=TORQUE, t=T) -> pd.DataFrame:
+    made = pd.DataFrame({"time": t, "speed [rps]": v, "torque": torque})
+    return made
+
+
+def changed(signal, at, to):
+    made = signal.copy()
+    made[at] = to
+    return made
+
+
+REFUSED = {
+    "a frozen speed": (
+        frame(changed(V, slice(500, 540), V[500])),
+        f"row 500: the speed stands at {V[500]:.6g} in 40 samples one after another: frozen",
+    ),
+    "a torque frozen for a turn": (
+        frame(torque=changed(TORQUE, slice(700, 900), TORQUE[700])),
+        "row 700: the torque stands at",
+    ),
+    "a stand-in for missing values": (
+        frame(torque=changed(TORQUE, slice(700, 750), -999.0)),
+        "the torque stands at -999 in 50 samples one after another: frozen, or a stand-in",
+    ),
+    "a stand-in in the speed": (
+        frame(changed(V, slice(1200, 1220), 65535.0)),
+        "the speed stands at 65535 in 20 samples",
+    ),
+    "wild samples of the torque": (
+        frame(torque=changed(TORQUE, [300, 900, 901, 1500], 9e4)),
+        "row 300: 4 single samples of the torque stray, the first is 9e+04 beside",
+    ),
+    "rows of zeros between": (
+        frame(np.where(K % 2, 0.0, V)),
+        "row 1: speed [rps] is 0 at 1,200 places between rows that are not",
+    ),
+    "held values": (
+        frame(V[K // 3 * 3], TORQUE[K // 3 * 3]),
+        "the speed stands for 3 samples in the mean: 167 new values a second, 252 are needed",
+    ),
+    "a held torque": (
+        frame(torque=TORQUE[K // 4 * 4]),
+        "the torque stands for 4 samples in the mean: 125 new values a second",
+    ),
+    "values that stand unevenly": (
+        frame(torque=TORQUE[np.maximum.accumulate(np.where(RNG.random(T.size) < 0.3, K, 0))]),
+        "new values a second, at uneven instants",
+    ),
+    "lines between values": (
+        frame(torque=np.interp(T, T[::3], TORQUE[::3])),
+        "the torque lies on lines for 3 samples in the mean: 167 new values a second",
+    ),
+    "rows where the speed changed": (
+        frame(V.round(1)).iloc[np.append(True, np.diff(V.round(1)) != 0)],
+        "its rows stand only where speed [rps] changed",
+    ),
+    "signals that take turns": (
+        frame(np.where(K % 2, np.nan, V), np.where(K % 2, TORQUE, np.nan)),
+        "speed [rps] (in 1,201 rows) and torque (in 1,200 rows) never stand in one row",
+    ),
+    "an empty column": (frame(torque=np.nan), "'torque' is empty in all 2,401 rows"),
+    "samples that are counted": (
+        frame(t=K),
+        "its stamps count the samples, one by one: give --rate",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_was_not_measured_is_named_with_its_place(kind):
+    log, words = REFUSED[kind]
+    assert words in refusal(log, WITH_TORQUE)
+
+
+# Signals that are coarse or filtered, and no defect.
+@pytest.mark.parametrize(
+    "log",
+    [
+        frame(torque=TORQUE.round()),
+        frame(torque=(5 * np.sin(2 * np.pi * T / 0.4)).round()),
+        frame(V.round(1), TORQUE.round(1)),
+        frame(np.floor(60 * V) / 60),
+        frame(np.concatenate([V[:1200], V[:1201]])),
+    ],
+)
+def test_coarse_values_are_neither_clipped_nor_held_nor_frozen(log):
+    read = open_log(log, WITH_TORQUE)
+    np.testing.assert_array_equal(read.torque, log["torque"])
+    assert read.notes == ()
+
+
+def test_a_motor_that_rests_is_not_frozen_and_defects_outside_the_used_turns_do_not_matter():
+    rest = np.zeros(400)
+    v = np.concatenate([rest, np.linspace(0, V[0], 300), V, rest])
+    torque = np.concatenate([rest, np.full(300, 40.0), TORQUE, rest])
+    torque[100] = 1e5
+    log = open_log(frame(v, torque, 2e-3 * np.arange(v.size)), WITH_TORQUE)
+    assert log.recording.t.size > 2150
+
+
+def test_of_held_values_the_new_ones_are_used_where_they_come_often_enough():
+    log = open_log(
+        frame(np.repeat(V, 3), np.repeat(TORQUE, 3), 2e-3 / 3 * np.arange(3 * V.size)), WITH_TORQUE
+    )
+    np.testing.assert_array_equal(log.torque, TORQUE)
+    np.testing.assert_array_equal(log.recording.v, V)
+    assert (
+        "the speed stands for 3 samples in the mean: 500 new values a second, which were used"
+        in log.notes
+    )
+
+
+@pytest.mark.parametrize(("modulus", "counts"), [(10, 1000), (3, None), (25, 4000)])
+def test_a_position_that_starts_anew_after_whole_turns_or_counts_is_unwrapped(modulus, counts):
+    position = np.cumsum(V) * 2e-3 % modulus * (counts or 1)
+    options = replace(TURN, counts_per_turn=counts) if counts else replace(TURN, unit="turns")
+    read = open_log(pd.DataFrame({"time": T, "position": position}), options)
+    np.testing.assert_allclose(read.recording.v, V[1:], atol=1e-3)
+    assert f"the position starts anew every {modulus} motor turns" in read.notes[0]
+
+
+def test_a_position_that_starts_anew_within_a_turn_is_asked_about():
+    log = pd.DataFrame({"time": T, "position": np.cumsum(V) * 2e-3 % 7.3})
+    assert "starts anew every 7.3 turns" in refusal(log, replace(TURN, unit="turns"))
+
+
+@pytest.mark.parametrize("given", [99.0, 100.0, 101.5])
+def test_a_commanded_speed_checks_and_changes_nothing(given):
+    plain = open_log(frame(), WITH_TORQUE).recording
+    checked = open_log(frame(), replace(WITH_TORQUE, commanded_speed_rps=given)).recording
+    assert (checked.commanded_speed_rps, checked.t.size) == (
+        plain.commanded_speed_rps,
+        plain.t.size,
+    )
+
+
+@pytest.mark.parametrize("name", ["speed_kHz", "speed [kHz]", "speed_krpm", "speed_kRPM"])
+def test_a_unit_with_a_prefix_is_not_read_as_one_without(name):
+    assert "is not known; give --unit" in refusal(pd.DataFrame({"time": T, name: V}))
+
+
+def test_a_motor_that_turns_less_than_its_load_has_another_unit():
+    log = pd.DataFrame({"time": T, "speed [rps]": V / 60})
+    assert "the motor makes 0.67 turns in a load turn of 0.4 s" in refusal(log)
+
+
+GERMAN = "Zeit [ms];Drehzahl [1/min];Moment\n"
+
+
+def test_points_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_small(tmp_path):
+    rows = [f"{2 * k};{int(60 * v) // 1000}.{int(60 * v) % 1000:03d};1,5" for k, v in enumerate(V)]
+    path = file(tmp_path, GERMAN + "\n".join(rows).replace(",", "."))
+    options = LogOptions(gear_ratio=40.0, torque="Moment")
+    assert "may be 6" in refusal(path, options)
+    mixed = [f"{2 * k};6000;{'1.024' if k % 3 else '987'}" for k in range(2401)]
+    said = refusal(file(tmp_path, GERMAN + "\n".join(mixed)), options)
+    assert "Moment: '1.024' beside '987' is 1024 by its mark of thousands" in said
+
+
+def averaged(window: int) -> np.ndarray:
+    padded = np.concatenate([TORQUE[:window], TORQUE])
+    return np.convolve(padded, np.ones(window) / window)[window : window + T.size]
+
+
+@pytest.mark.parametrize(("window", "is_refused"), [(1, False), (3, False), (7, True), (13, True)])
+def test_a_running_mean_of_the_torque_is_refused_and_a_short_one_is_not(window, is_refused):
+    recording = Recording(T, V, 100.0, 0.4, "log")
+    if not is_refused:
+        refuse_averaged(recording, averaged(window))
+        return
+    with pytest.raises(Refusal, match=f"a running mean over {2 * window} ms"):
+        refuse_averaged(recording, averaged(window))
+
+
+def test_a_low_passed_torque_is_no_running_mean():
+    from scipy.signal import lfilter
+
+    refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), lfilter([0.3], [1, -0.7], TORQUE))
