@@ -358,7 +358,7 @@ def _generator(population: str, *numbers: int) -> Generator:
 
 def ask_sensor(log: EngineLog, **options: Any) -> Estimate:
     """What the sensor says of a log."""
-    return estimate(log.t, log.position_rad, position=True, unit="rad/s", **options)
+    return estimate(log.t, log.position_rad, position=True, unit="rad", **options)
 
 
 def log_of(population: str, number: int) -> EngineLog:
