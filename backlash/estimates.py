@@ -126,7 +126,7 @@ def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
         "gravity: as in the data sheet?",
         f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
         f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
-        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth half as stiff "
+        f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth softer "
         f"over {soft_mrad:.2f} mrad beyond the gap",
     ]
 

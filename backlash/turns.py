@@ -25,6 +25,7 @@ _OCTAVES = 3  # a wrong gear ratio is off by less than eight
 _DOMINATES = 3.0
 LEAST_GRAVITY = 10.0  # in SDs of its line, once a turn, in the torque
 _GRAVITYS_SHARE = 0.5  # of the torque's variance; in benches it is above 0.8
+_COMPARED_LINES = 6  # of odd and even turns
 _PHASES = 512
 _RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
@@ -101,6 +102,23 @@ def gravity_by_turn(recording: Recording, torque: FloatArray) -> ComplexArray:
     wave = (torque - torque.mean()) * np.exp(-1j * TURN * angle)
     parts = [np.bincount(turn[whole], part[whole]) for part in (wave.real, wave.imag)]
     return np.asarray((parts[0] + 1j * parts[1]) / np.bincount(turn[whole]))
+
+
+def odd_against_even(recording: Recording, torque: FloatArray) -> float:
+    """By how much odd and even turns differ, in their first lines, over gravity's: what comes again in two turns."""
+    lines = np.fft.rfft(settled_turns(recording, torque), axis=1)[:, 1 : _COMPARED_LINES + 1]
+    # The last turns, an even number of them: a start that is not settled yet is in one of the two halves.
+    lines = lines[len(lines) % 2 :]
+    difference = lines[1::2].mean(axis=0) - lines[::2].mean(axis=0)
+    return float(np.abs(difference).max() / np.abs(lines[:, 0].mean()))
+
+
+def scatter_of_phase(recording: Recording, torque: FloatArray) -> float:
+    """SD [s] of the times at which gravity's line comes, from turn to turn, a drift aside: of a clock that wanders."""
+    phase = np.unwrap(np.angle(gravity_by_turn(recording, torque)[1:]))
+    turn = np.arange(phase.size)
+    left = phase - np.polyval(np.polyfit(turn, phase, 1), turn)
+    return float(left.std() * recording.turn_period_s / TURN)
 
 
 def period_by_torque(recording: Recording, torque: FloatArray) -> float:

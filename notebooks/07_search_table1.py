@@ -7,6 +7,7 @@
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import inspect
+import textwrap
 from itertools import islice
 
 import numpy as np
@@ -192,7 +193,8 @@ table.assign(misfit=misfits(members)).sort_values("misfit").head().round(3)
 # worse half has negative weights.
 
 # %%
-Code(inspect.getsource(cmaes.update), language="python")
+*_, body = inspect.getsource(cmaes.update).split('"""')
+Code(textwrap.dedent(body), language="python")
 
 # %%
 order = np.argsort(misfits(members), kind="stable")

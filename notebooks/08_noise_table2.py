@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib import pyplot as plt
 
 import workbook
-from replication import cmaes, figures, misfit, published, table2
+from replication import cmaes, evidence, figures, misfit, published, table2
 from replication.records import load_clean
 from replication.signature import Box, h
 from workbook import Change
@@ -279,7 +279,7 @@ cells = {}
 for name in ("mean", "sd"):
     regions[name] = pd.Series(published.column("Table 2", name), range(1, 12))
     regions[f"{name}_ours"] = of_rows[f"{name}_A_rps"].median()
-    ends = of_rows[f"{name}_A_rps"].apply(table2.prediction_interval).tolist()
+    ends = of_rows[f"{name}_A_rps"].apply(evidence.prediction_interval).tolist()
     regions[[f"{name}_low", f"{name}_high"]] = ends
     for row, part in of_rows:
         by_setting = part.groupby("protocol", sort=False)[f"{name}_A_rps"]

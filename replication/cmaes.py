@@ -97,12 +97,13 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     step = c.weights[: c.mu] @ y[: c.mu]
     m = state.m + state.sigma * step  # equation 13
 
-    whitened = B @ (B.T @ step / D)  # C^(-1/2) times the step of the mean over sigma
+    whitened = B @ (B.T @ step / D)  # C^(-1/2) times the mean's step over sigma
     gain = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
     growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
-    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15, by a factor e at most
+    # By a factor e at most.
+    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15
 
     # 0, and p_c stalls, while p_sigma is much too long; else 1.
     squared_length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
@@ -110,7 +111,8 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     gain = h_sigma * np.sqrt(c.c_c * (2 - c.c_c) * c.mu_eff)
     p_c = (1 - c.c_c) * state.p_c + gain * step  # equation 16
 
-    # Where the weight is negative, a step is rescaled to the Mahalanobis length sqrt(n), that of a usual sample.
+    # Where the weight is negative, a step is rescaled to the Mahalanobis length sqrt(n),
+    # that of a usual sample.
     lengths = np.sqrt(((y[c.mu :] @ B / D) ** 2).sum(axis=1))
     w = c.weights.copy()
     w[c.mu :] *= n / (lengths + 1e-9) ** 2

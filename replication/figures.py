@@ -360,3 +360,58 @@ def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> 
     axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
     axis.set_xticks(at, rows.index)
     return finish(figure, 3)
+
+
+@in_style
+def multiverse(choices: pd.DataFrame) -> Figure:
+    """Table 2 as a whole in all choices: start and settings downwards, numbers and score across, a p in each cell.
+
+    `choices` are those of `evidence.make_multiverse`.
+    """
+    of_row, of_column = ["start", "settings"], ["numbers", "score"]
+    rows, columns = (
+        [*choices[names].drop_duplicates().itertuples(index=False, name=None)]
+        for names in (of_row, of_column)
+    )
+    y, x = _spread(rows, 1.2), _spread(columns, 0.4)
+    figure, ((axis,),) = grid(height_in=0.2 * (max(y.values()) + 7))
+    small: Style = {"fontsize": 7.5, "va": "center"}
+    for choice in choices.to_dict("records"):
+        at = x[choice["numbers"], choice["score"]], y[choice["start"], choice["settings"]]
+        shade = sum(choice["p"] < level for level in (0.05, 0.01, 0.001))
+        face = ("white", "0.8", "0.45", "0.15")[shade]
+        axis.add_patch(plt.Rectangle(at, 1, 1, facecolor=face, edgecolor="0.6", linewidth=0.3))
+        text = small | {"ha": "center", "color": "white" if shade > 1 else INK, "fontsize": 7}
+        axis.text(at[0] + 0.5, at[1] + 0.55, _write_choice(choice), **text)
+    tables = choices.groupby(of_row)["tables"].first()
+    for (start, settings), top in y.items():
+        if (start, settings) == next(row for row in rows if row[0] == start):
+            title = start if start == "whole record" else f"start drawn {start}"
+            axis.text(-0.2, top - 0.45, title, ha="right", style="italic", **small)
+        label = f"{settings.replace('population ', '')} ({tables[start, settings]})"
+        axis.text(-0.2, top + 0.55, label, ha="right", **small)
+    for (_, score), left in x.items():
+        axis.text(left + 0.5, -0.2, score, ha="center", rotation=90, **small | {"va": "bottom"})
+    bottom = max(y.values()) + 1
+    for numbers in dict.fromkeys(name for name, _ in columns):
+        middle = np.mean([left for (name, _), left in x.items() if name == numbers]) + 0.5
+        axis.text(middle, bottom + 0.7, numbers, ha="center", **small)
+    axis.set(xlim=(-4.7, max(x.values()) + 1.2), ylim=(bottom + 1.3, -5))
+    axis.set(xlabel="numbers and score", ylabel="start and settings")
+    axis.axis("off")
+    return figure
+
+
+def _spread(keys: Sequence[tuple[str, str]], gap: float) -> dict[tuple[str, str], float]:
+    """Put keys one after another, with a gap where the first name changes."""
+    names = [*dict.fromkeys(name for name, _ in keys)]
+    return {key: k + gap * names.index(key[0]) for k, key in enumerate(keys)}
+
+
+def _write_choice(choice: Mapping[Any, Any]) -> str:
+    """Write a count, or a p without its zero: ".13", ".003"; "≤" where no table of ours lies as far out."""
+    if not np.isfinite(choice["p"]):
+        return f"{choice['inside']:.0f}" if np.isfinite(choice["inside"]) else "–"
+    text = f"{choice['p']:.3f}" if choice["p"] < 0.0095 else f"{choice['p']:.2f}"
+    bound = "≤" if choice["by"] == "tables" and choice["p"] <= 1.001 * choice["least_p"] else ""
+    return bound + text.removeprefix("0")

@@ -1,8 +1,8 @@
-"""Table 2: settings of the search, a fit, thirty runs, the table, and the interval in which a printed number must lie.
+"""Table 2: settings of the search, a fit, thirty runs, the table, and the table made again and again.
 
 The paper gives neither the noise of Table 2 nor all settings of its search. So the table is made again many times, each
-time with a noise and seeds of its own, under each of `SETTINGS`; `results/table2_realisations.csv` keeps the means and
-SDs, because they take hours.
+time with a noise and seeds of its own, under each of `SETTINGS` and `DRAWN_STARTS`;
+`results/table2_realisations.csv` keeps the means and SDs, because they take hours.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -43,6 +43,17 @@ RUNS = 30  # of each record
 
 # --------------------------------------------------------------------------------------------- settings, a fit
 
+WHOLE = "whole record"
+# The text begins at a random one of the first 100 samples, and does not say for what one is drawn: most likely for each
+# data set, which is a row of Table 2. By start, how the names of protocols end, which seed their noises.
+STARTS = {
+    WHOLE: "",
+    "per row": ", drawn start",
+    "per fit": ", start per fit",
+    "per table": ", start per table",
+}
+DRAWN = tuple(STARTS)[1:]
+
 
 @dataclass(frozen=True)
 class SearchSettings:
@@ -56,9 +67,14 @@ class SearchSettings:
     iterations: int = 200  # the most generations
     amplitude_factor: float = 1.3  # how much wider than Table 1's the box of A is
     rpm: bool = False  # the search sees 60 (v - mean v), as equation 10 has A, in place of v [rps]
-    drawn_start: bool = False  # begin at one of the first 100 samples, drawn, as the text says
+    start: str = WHOLE  # one of `STARTS`
     timing: Timing = MOVEMENT
     longest_window_s: float = 0.204  # Table 1's upper bound of T2, twice that of T1
+
+    @property
+    def protocol(self) -> str:
+        """Name of settings and start together."""
+        return self.name + STARTS[self.start]
 
 
 NOTEBOOK = SearchSettings()
@@ -73,11 +89,9 @@ SETTINGS = (
         for population in (300, 450, 600, 800, 1000)
     ),
 )
-RPM_600 = SETTINGS[5]  # rpm, population 600: what notebook 8 runs
-# The text's protocol, which its printed means exclude.
+RPM_600 = SETTINGS[5]  # what notebook 8 runs
 DRAWN_STARTS = tuple(
-    replace(settings, name=f"{settings.name}, drawn start", drawn_start=True)
-    for settings in (NOTEBOOK, RPM_600)
+    replace(settings, start=start) for start in DRAWN for settings in (NOTEBOOK, RPM_600)
 )
 
 
@@ -342,34 +356,45 @@ REALISATIONS = ROOT / "results" / "table2_realisations.csv"
 STUDY_SEED = 2027
 
 
-def noisy_record(
-    settings: SearchSettings, row: int, realisation: int
-) -> tuple[Recording, list[int]]:
-    """A row's record with a noise of the printed amplitude, and seeds of its runs: no other setting has the same.
+def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw the first samples of a row's thirty fits, of the first 100, for each fit, row or table; shape (30,)."""
+    if settings.start == WHOLE:
+        return np.zeros(RUNS, int)
+    if settings.start == "per table":  # whose rows share a stream
+        rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation))
+    return np.broadcast_to(rng.integers(100, size=RUNS if settings.start == "per fit" else 1), RUNS)
 
-    Row 1's clean record is not public, so our joint's takes its place.
+
+def noisy_records(
+    settings: SearchSettings, row: int, realisation: int
+) -> list[tuple[Recording, int]]:
+    """Draw a noise of the printed amplitude, and of each of a row's thirty fits the record and the seed.
+
+    No other settings have the same. Row 1's clean record is not public, so our joint's takes its place.
     """
-    stream = (STUDY_SEED, *settings.name.encode(), realisation, row)
-    rng = np.random.default_rng(stream)
+    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
     if row == NOISE_ROW:
         clean = constant_speed()
     else:
         level = LEVELS[row - 1]
         clean = simulate_clean(level) if row == 1 else load_clean(level)
     record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
-    if settings.drawn_start:
-        record = from_sample(record, int(rng.integers(100)))
-    return record, rng.integers(1, 2**31, RUNS).tolist()
+    starts = draw_starts(settings, realisation, rng)
+    seeds = rng.integers(1, 2**31, RUNS)
+    return [
+        (from_sample(record, int(start)), int(seed))
+        for start, seed in zip(starts, seeds, strict=True)
+    ]
 
 
 def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, object]:
     """Make one row of Table 2 again: the mean and SD [rps] over thirty runs, and the best basin's share of them."""
-    record, seeds = noisy_record(settings, row, realisation)
-    fits = [fit(record, settings, seed) for seed in seeds]
+    records = noisy_records(settings, row, realisation)
+    fits = [fit(record, settings, seed) for record, seed in records]
     A = np.array([each.X.A if row == NOISE_ROW else each.amplitude_rps for each in fits])
     in_best = basin_labels(np.array([each.rmse for each in fits])) == 1
     return {
-        "protocol": settings.name,
+        "protocol": settings.protocol,
         "realisation": realisation,
         "row": row,
         "mean_A_rps": A.mean(),
@@ -379,38 +404,30 @@ def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, o
 
 
 def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
-    """The realisations that are kept, equally many of rows 1 to 10 under each setting: the rows of `realise`."""
+    """The realisations that are kept, under each protocol as many of each of rows 1 to 10: the rows of `realise`."""
     table = pd.read_csv(path)
-    number = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size().min()
-    return table[table["realisation"] <= number]
-
-
-def prediction_interval(
-    numbers: Sequence[float] | FloatArray, level: float = 0.95
-) -> tuple[float, float]:
-    """Ends between which one more number like these lies with at least this probability, whatever their law.
-
-    Of N numbers in order, one more lies between the k-th from either end with the probability 1 - 2 k / (N + 1); k is
-    the largest that gives `level`. Infinite where N is too small: below 39 for 95 %.
-    """
-    ranked = np.sort(numbers)
-    k = int((ranked.size + 1) * (1 - level) / 2 + 1e-9)
-    return (float(ranked[k - 1]), float(ranked[-k])) if k else (-np.inf, np.inf)
+    made = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size()
+    whole = made.groupby("protocol").min()
+    return table[table["realisation"] <= table["protocol"].map(whole)]
 
 
 def make_realisations(path: Path = REALISATIONS, number: int = 40) -> None:
     """Make Table 2 again so many times under each setting, into a table that grows; it resumes if it was interrupted.
 
-    Row 11, noise alone, is made ten times.
+    Row 11, noise alone, is made ten times with the whole record.
     """
     for realisation in range(1, number + 1):
-        table = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["realisation"])
+        table = (
+            pd.read_csv(path)
+            if path.exists()
+            else pd.DataFrame(columns=["protocol", "realisation", "row"])
+        )
         made = table[table["realisation"] == realisation]
         plan = [
             (settings, row, realisation)
             for settings in (*SETTINGS, *DRAWN_STARTS)
-            for row in ((*ROWS, NOISE_ROW) if realisation <= 10 else ROWS)
-            if made.empty or not ((made["protocol"] == settings.name) & (made["row"] == row)).any()
+            for row in ((*ROWS, NOISE_ROW) if settings in SETTINGS and realisation <= 10 else ROWS)
+            if not ((made["protocol"] == settings.protocol) & (made["row"] == row)).any()
         ]
         rows = Parallel(n_jobs=-1)(delayed(realise)(*arguments) for arguments in plan)
         new = pd.DataFrame(rows)

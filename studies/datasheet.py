@@ -1,4 +1,4 @@
-"""The sensor's datasheet: what it says of logs of joints that are drawn apart from its fits (`benches`).
+"""The sensor's datasheet: what it says of logs of joints that are drawn apart from its fits (`simulated_joints`).
 
 `python -m studies datasheet` draws them with a seed that nothing else uses, and writes results/datasheet.csv and the
 page notebooks/datasheet.md.
@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 
 from backlash.estimates import estimate
 from backlash.refusals import Reason
-from studies.benches import TURN, Fault, draw_log_uniform, draw_turns
+from studies.simulated_joints import TURN, Fault, draw_log_uniform, draw_turns
 
 SEED = 640317
 LOAD_SDS = (0.1, 0.05)  # relative, by which inertia ratio and gravity are misjudged
@@ -32,7 +32,20 @@ FAULTS = {
     "second axis, 10 % of gravity": (Fault(second_axis=0.1), (Reason.NOT_PERIODIC, Reason.NO_FIT)),
     "torque 10 ms late": (Fault(late_torque_s=0.01), (Reason.NO_FIT,)),
     "torque low-passed at 30 Hz": (Fault(torque_filter_s=1 / (TURN * 30)), (Reason.NO_FIT,)),
-    "soft spring near zero torque": (Fault(soft_share=0.4, soft_rad=3e-4), (Reason.NO_FIT,)),
+    "second axis at half the turn's rate": (
+        Fault(second_axis=0.05, second_axis_turns=0.5),
+        (Reason.NOT_PERIODIC,),
+    ),
+    "second axis at 1.5 times the turn's rate": (
+        Fault(second_axis=0.05, second_axis_turns=1.5),
+        (Reason.NOT_PERIODIC,),
+    ),
+    "torque a mean over 25 ms": (Fault(torque_mean_s=0.025), (Reason.NO_FIT,)),
+    "each value held for 4 samples": (Fault(held=4), (Reason.TOO_SLOWLY_SAMPLED,)),
+    "teeth soft to 0.4 over 0.3 mrad": (Fault(soft_share=0.4, soft_rad=3e-4), (Reason.NO_FIT,)),
+    "teeth soft to 0.6 over 0.2 mrad": (Fault(soft_share=0.6, soft_rad=2e-4), (Reason.NO_FIT,)),
+    "a quarter of the damping in the gap": (Fault(drag=0.25), (Reason.NO_FIT,)),
+    "all of the damping in the gap": (Fault(drag=1.0), (Reason.NO_FIT,)),
     "gear's error, 3 a turn": (
         Fault(transmission_rad=5e-4, transmission_order=3),
         (Reason.NO_FIT,),

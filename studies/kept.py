@@ -27,7 +27,7 @@ def remake_realisation(row: Row) -> Row:
     """Thirty runs of a row of Table 2 on one noise."""
     from replication import table2
 
-    settings = {each.name: each for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
+    settings = {each.protocol: each for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
     return table2.realise(settings[row["protocol"]], row["row"], row["realisation"])
 
 

@@ -55,7 +55,7 @@ def _pooled(numbers: Numbers) -> list[float]:
 def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
     """Rule 2: the numbers that agree with ours."""
     if isinstance(numbers, Mapping):
-        from replication.table2 import prediction_interval  # with the search, slow to import
+        from replication.evidence import prediction_interval  # with the search, slow to import
 
         return prediction_interval(_pooled(numbers))
     tolerance = published.tolerance(cell)

@@ -13,9 +13,9 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from replication import published, table2
+from replication import evidence, published, table2
 from replication.files import UserError, as_csv, as_json, write_files
-from workbook import evidence, judging
+from workbook import judging
 from workbook.outcomes import kept_table, load_outcomes, read_kept
 from workbook.provenance import provenance
 
@@ -55,6 +55,19 @@ def span(numbers: Any, form: str) -> str:
     """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike."""
     low, high = (format(end, form) for end in (np.min(numbers), np.max(numbers)))
     return low if low == high else f"{low} to {high}"
+
+
+def write_p(p: float) -> str:
+    """Write a p with two digits, or what it is below: 0.44, 0.0031, below 0.001."""
+    return "below 0.001" if p < 0.001 else f"{p:.2g}"
+
+
+def write_rejections(tests: evidence.Rejections) -> str:
+    """Write how many tests reject: "none of 36 tests"."""
+    if tests.tests == 0:
+        return "none, because so few tables can reject nothing"
+    number = {0: "none", tests.tests: "all"}.get(tests.rejected, tests.rejected)
+    return f"{number} of {tests.tests} tests"
 
 
 # ------------------------------------------------------------------------------------------------ what the text has
@@ -122,8 +135,9 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "by_source": count_by(cells, "source", judging.SOURCES),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
-        "evidence": evidence.table2_evidence(
-            table2.read_realisations(kept_table("table2_realisations"))
+        "evidence": evidence.describe_multiverse(
+            table2.read_realisations(kept_table("table2_realisations")),
+            read_kept("table2_multiverse"),
         ),
         "hardware": describe_hardware(),
         "claims": claims.set_index("id"),
@@ -146,7 +160,7 @@ def load_template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
         finalize=_refuse_absent,
     )
-    pages.filters.update(typeset=typeset, span=span)
+    pages.filters.update(typeset=typeset, span=span, p=write_p, rejections=write_rejections)
     return pages.get_template(TEMPLATE.name)
 
 

@@ -5,11 +5,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from backlash import torque
-from backlash.driven_load import DELAY, DELTA, FRICTION, GRAVITY, LOSS, SOFT, STIFFNESS, UNKNOWNS
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.torque import Candidate, MeasuredTurn, Problem
+from backlash.torque import answer as rules
+from backlash.torque.problem import MeasuredTurn, Problem, largest_ripple, measure_turn
+from backlash.torque.search import Candidate, distinct, move
+from backlash.torque.unknowns import (
+    DELAY,
+    DELTA,
+    FRICTION,
+    GRAVITY,
+    LOSS,
+    NAMES,
+    SHARE,
+    SOFT,
+    STIFFNESS,
+)
 from backlash.turns import Harmonics
 from replication.records import Recording
 
@@ -17,8 +28,8 @@ TURN = 2 * np.pi
 
 
 def candidate(delta_mrad, chi2=100.0):
-    theta = np.zeros(len(UNKNOWNS))
-    theta[DELTA] = delta_mrad
+    theta = np.zeros(len(NAMES))
+    theta[[DELTA, SHARE]] = delta_mrad, 0.5
     return Candidate(theta, np.zeros(2), chi2)
 
 
@@ -35,20 +46,20 @@ def decide(monkeypatch):
         },
         **{"_quantities": {}, "_model_torque": None},
     }.items():
-        monkeypatch.setattr(torque, name, lambda *_, result=result: result)
+        monkeypatch.setattr(rules, name, lambda *_, result=result: result)
 
     def answer(*candidates, of_held=1e3, sd_mrad=0.03):
         def hold(problem, best, delta_mrad):
             held.append(delta_mrad)
             return candidate(delta_mrad, of_held)
 
-        variances = np.ones(len(UNKNOWNS))
+        variances = np.ones(len(NAMES))
         variances[DELTA] = sd_mrad**2
-        monkeypatch.setattr(torque, "_covariance", lambda *_: np.diag(variances))
-        monkeypatch.setattr(torque, "search", lambda *_: list(candidates))
-        monkeypatch.setattr(torque, "hold_delta", hold)
+        monkeypatch.setattr(rules, "_covariance", lambda *_: np.diag(variances))
+        monkeypatch.setattr(rules, "search", lambda *_: list(candidates))
+        monkeypatch.setattr(rules, "hold_delta", hold)
         try:
-            fit = torque.fit_torque(None, np.zeros(1), None)
+            fit = rules.fit_torque(None, np.zeros(1), None)
         except Refusal as refusal:
             return refusal.reason
         return fit, held[-1]
@@ -112,13 +123,13 @@ def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
 def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_larger_one(
     soft_mrad, sd_mrad, most_mrad
 ):
-    theta, covariance = np.zeros(len(UNKNOWNS)), np.zeros((len(UNKNOWNS),) * 2)
+    theta, covariance = np.zeros(len(NAMES)), np.zeros((len(NAMES),) * 2)
     theta[[DELTA, SOFT]] = 1.0, soft_mrad
     soft = max(1e-3 * soft_mrad, 0)
     both = -0.5 * sd_mrad**2
     covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, both], [both, sd_mrad**2]]
-    low, high = torque._interval(theta, covariance)
-    own = 1e-6 * (0.02 + 0.5 * both) + 5e-5**2 + (5e-6 + 0.1 * soft) ** 2
+    low, high = rules._interval(theta, covariance)
+    own = 1e-6 * (0.02 + 0.5 * both) + 5e-5**2 + (5e-6 + 0.03 * soft) ** 2
     room = 0.5e-3 * np.array([sd_mrad, most_mrad])
     expected = 1e-3 + 1.96 * np.array([-1, 1]) * np.sqrt(own + room**2)
     assert (low, high) == pytest.approx(expected, rel=1e-4)
@@ -138,24 +149,34 @@ def made_turn(**others):
 
 
 @pytest.mark.parametrize(
-    ("change", "fields", "reason"),
+    ("amplitude", "period_turns", "late_s", "fields", "words"),
     [
-        (0.029, {}, None),
-        (0.031, {}, Reason.NOT_PERIODIC),
-        (0.0, {"friction": 0.999}, None),
-        (0.0, {"friction": 1.001}, Reason.NO_REVERSAL),
-        (0.0, {"ripple": 0.099 * 60}, None),
-        (0.0, {"ripple": 0.101 * 60}, Reason.NO_FIT),
+        (0.029, 4, 0.0, {}, None),
+        (0.031, 4, 0.0, {}, "changes by 3%"),
+        (0.0029, 2, 0.0, {}, None),
+        (0.0031, 2, 0.0, {}, "odd and even turns differ by 0.6%"),
+        (0.0, 4, 0.95e-3, {}, None),
+        (0.0, 4, 1.05e-3, {}, "ms early or late"),
+        (0.0, 4, 0.0, {"friction": 0.999}, None),
+        (0.0, 4, 0.0, {"friction": 1.001}, "may hold the teeth on one flank"),
+        (0.0, 4, 0.0, {"ripple": 0.099 * 60}, None),
+        (0.0, 4, 0.0, {"ripple": 0.101 * 60}, "ripple"),
     ],
 )
 @pytest.mark.parametrize("phase", [0.0, np.pi / 2])
-def test_a_movement_is_refused_beyond_its_limits(change, fields, reason, phase):
-    t = 4e-3 * np.arange(1000) + 2e-3
-    record = Recording(t, np.ones(1000), 100.0, 0.4, "made")
-    alternates = 1 + change * (-1) ** np.floor(t / 0.4)
-    wave = alternates * np.cos(TURN * t / 0.4 + phase)
-    load = LoadData(2.0, 30.0)
-    assert refuses(torque._check_movement, record, wave, made_turn(**fields), load) == reason
+def test_a_movement_is_refused_beyond_its_limits(
+    amplitude, period_turns, late_s, fields, words, phase
+):
+    t = 4e-3 * np.arange(1200) + 2e-3
+    record = Recording(t, np.ones(t.size), 100.0, 0.4, "made")
+    sign = (-1) ** np.floor(t / 0.4 * 2 / period_turns)
+    wave = (1 + amplitude * sign) * np.cos(TURN * (t - late_s * sign) / 0.4 + phase)
+    given = (record, wave, made_turn(**fields), LoadData(2.0, 30.0))
+    if words is None:
+        rules._check_movement(*given)
+    else:
+        with pytest.raises(Refusal, match=words):
+            rules._check_movement(*given)
 
 
 # Of 100 numbers, chi squared of noise has the SD of 14.1.
@@ -172,33 +193,55 @@ def test_a_movement_is_refused_beyond_its_limits(change, fields, reason, phase):
     ],
 )
 def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
-    theta, sd = np.zeros(len(UNKNOWNS)), np.full(len(UNKNOWNS), 0.1)
+    theta, sd = np.zeros(len(NAMES)), np.full(len(NAMES), 0.1)
     theta[place], sd[DELAY] = value, 4.0
     compared = SimpleNamespace(order=np.zeros(50))
     problem = Problem(compared, np.zeros(theta.size), sd, sd, 0.5)
     covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
     given = (problem, Candidate(theta, np.zeros(2), chi2), covariance)
     if words is None:
-        torque._check_joint(*given)
+        rules._check_joint(*given)
     else:
         with pytest.raises(Refusal, match=words):
-            torque._check_joint(*given)
+            rules._check_joint(*given)
+
+
+def a_prior():
+    count = len(NAMES)
+    mean, sd = np.arange(1.0, count + 1), 1 + np.arange(1.0 * count)
+    mean[SOFT] = 0.0
+    return Problem(None, mean, sd, 0.1 * sd, most_friction=0.6), mean + 0.5
 
 
 def test_priors_are_distances_over_sds_which_below_zero_are_others():
-    count = len(UNKNOWNS)
-    mean, sd = np.arange(1.0 * count), 1 + np.arange(1.0 * count)
-    problem = Problem(None, mean, sd, 0.1 * sd, most_friction=0.6)
-    theta = mean + 0.5
+    problem, theta = a_prior()
+    theta[SOFT] = -0.1
     for friction, weight, beyond in ((0.2, 1, 0), (-0.2, 10, 0), (0.7, 1, 0.1 / 0.05)):
         theta[FRICTION] = friction
-        expected = (theta - mean) / sd
-        expected[FRICTION] *= weight
-        left, slopes = problem.prior(theta)
-        assert left == pytest.approx([*expected, beyond])
+        expected = (theta - problem.mean) / problem.sd
+        expected[[FRICTION, SOFT]] *= weight, 10
+        distances, slopes = problem.prior(theta, theta)
+        assert distances == pytest.approx([*expected, 0, beyond])
         assert slopes[:, FRICTION] == pytest.approx(
-            [*(weight / sd[FRICTION] * (np.arange(count) == FRICTION)), (beyond > 0) / 0.05]
+            [
+                *(weight / problem.sd[FRICTION] * (np.arange(theta.size) == FRICTION)),
+                *(0, (beyond > 0) / 0.05),
+            ]
         )
+        above = problem.prior(theta, np.abs(theta))[0]
+        assert above[FRICTION] == pytest.approx(
+            (friction - problem.mean[FRICTION]) / problem.sd[FRICTION]
+        )
+
+
+def test_a_soft_part_is_a_share_of_what_gravity_winds_up():
+    problem, theta = a_prior()
+    theta[[SOFT, SHARE, GRAVITY, STIFFNESS]] = 0.2, 0.6, np.log(30.0), np.log(2e4)
+    soft, spring = 0.4 * 0.2, 1e3 * 30 / 2e4
+    share = soft / (soft + spring)
+    assert problem.prior(theta, theta)[0][-2] == pytest.approx(share / 0.2)
+    own = 0.2 / problem.sd[SOFT]
+    assert problem.prior_distances(theta)[SOFT] == pytest.approx(np.hypot(own, share / 0.2))
 
 
 def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
@@ -212,28 +255,28 @@ def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
 
 
 def test_harmonics_up_to_100_hz_and_80_are_compared_but_for_the_motors_orders():
-    turn = torque.measure_turn(*measured_record(0.4))
+    turn = measure_turn(*measured_record(0.4))
     assert set(turn.speed.order[turn.used]) == set(range(1, 41)) - {29, 30, 31}
     assert turn.speed.order[-1] == 120
     assert turn.friction == pytest.approx(2 / 3, rel=1e-3)
     assert abs(turn.speed.coefficient[0]) == pytest.approx(TURN / 30 * 0.05, rel=1e-3)
-    turn = torque.measure_turn(*measured_record(1.0))
+    turn = measure_turn(*measured_record(1.0))
     assert set(turn.speed.order[turn.used]) == set(range(1, 81)) - {29, 30, 31, 59, 60, 61}
-    turn = torque.measure_turn(*measured_record(1.0, gear_ratio=10.0))
+    turn = measure_turn(*measured_record(1.0, gear_ratio=10.0))
     assert not set(turn.speed.order[turn.used]) & {9, 10, 11, 19, 20, 21, 59, 60, 61}
     assert turn.used.sum() == 80 - 9
-    side = torque.measure_turn(*measured_record(0.4, gear_ratio=1.0))
+    side = measure_turn(*measured_record(0.4, gear_ratio=1.0))
     assert side.used.sum() == 40
     # Twelve are needed.
-    assert torque.measure_turn(*measured_record(0.125)).used.sum() == 12
-    assert refuses(torque.measure_turn, *measured_record(0.115)) == Reason.TOO_SLOWLY_SAMPLED
+    assert measure_turn(*measured_record(0.125)).used.sum() == 12
+    assert refuses(measure_turn, *measured_record(0.115)) == Reason.TOO_SLOWLY_SAMPLED
 
 
 def test_gravitys_line_must_be_ten_of_its_sds():
     for noise, is_told in ((0.8, True), (100.0, False)):
-        reason = refuses(torque.measure_turn, *measured_record(0.4, noise=noise))
+        reason = refuses(measure_turn, *measured_record(0.4, noise=noise))
         assert (reason is None) == is_told
-    assert refuses(torque.measure_turn, *measured_record(0.4, mean=-0.1)) == Reason.NO_GRAVITY
+    assert refuses(measure_turn, *measured_record(0.4, mean=-0.1)) == Reason.NO_GRAVITY
 
 
 def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmonic_on():
@@ -243,17 +286,17 @@ def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmon
         acceleration = np.full(100, 0.02)
         acceleration[line - 1] = 0.5
         speed = Harmonics(order, omega, acceleration / (2 * omega), np.zeros(100))
-        assert torque._ripple(speed) == pytest.approx(expected, abs=1e-12)
+        assert largest_ripple(speed) == pytest.approx(expected, abs=1e-12)
 
 
 def test_candidates_beside_another_and_those_that_are_the_same():
-    moved = torque._move(candidate(0.5), -1.0, 0.15, False).theta
+    moved = move(candidate(0.5), -1.0, 0.15, False).theta
     assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
     assert (moved[STIFFNESS], moved[SOFT]) == (0.15, 0)
-    soft = torque._move(candidate(0.5), 0.0, 0.0, True)
+    soft = move(candidate(0.5), 0.0, 0.0, True)
     assert (soft.theta[DELTA], soft.theta[SOFT]) == pytest.approx((0.35, 0.3))
-    again = torque._move(soft, 0.0, 0.0, True).theta
+    again = move(soft, 0.0, 0.0, True).theta
     assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
     near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
-    kept = [each.theta[DELTA] for each in torque._distinct(near, 0.03)]
+    kept = [each.theta[DELTA] for each in distinct(near, 0.03)]
     assert kept == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad

@@ -37,6 +37,41 @@ def test_a_natural_mistake_ends_in_one_line_that_names_the_parameter(
     assert "\n" not in line
 
 
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("00", {"backlash_mrad": 0.0, "runs": 1}),
+        ("00", {"noise_rps": 0.0, "runs": 1}),
+        ("01", {"alphas": [1.0], "backlash_mrad": 0.1}),
+        ("03", {"changes": {"N": 2.0}, "alphas": [1e12], "start_factor": 1.0}),
+        ("04", {"changes": {"G/J_l": 0.01}, "noise_rps": 10}),
+        ("05", {"turns": 1, "seeds": 2}),
+        ("06", {"left_out": [1, 2, 3, 4, 5], "degree": 6}),
+        ("07", {"population": 4, "iterations": 1, "seeds": [1]}),
+        ("08", {"public": [1], "runs_each": 2, "population": 4}),
+        (
+            "09",
+            {
+                "couplings": [0.0],
+                "spread": {"ratios": 0.0},
+                "benches": 2,
+                "robots_each": 2,
+                "repeats": 2,
+            },
+        ),
+        ("11", {"backlash_mrad": 0.0, "log_turns": 4}),
+        ("12", {"benches": 1, "levels": [6, 6], "realisations": [1, 1]}),
+    ],
+)
+def test_no_sentence_has_a_number_that_is_none_or_the_wrong_number_of_a_noun(
+    run_to_promises, on_simulated_records, name, parameters
+):
+    run = run_to_promises(name, parameters)
+    sentences = " ".join(run.said + run.verdicts)
+    assert not re.search(r"\b(nan|inf|None)\b", sentences)
+    assert not re.search(r"\b1 (runs|turns|values|logs|records|searches)\b", sentences)
+
+
 def test_without_noise_the_signature_itself_makes_most_of_the_error(run_notebook):
     *_, printed = run_notebook("00", runs=2)
     own, noise = (float(x) for x in re.findall(r"([+-]\d+\.\d) %", printed)[:2])

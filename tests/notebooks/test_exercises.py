@@ -15,8 +15,7 @@ FASTER = {
     "05": {"seeds": 2},
     "07": {"seeds": [1]},
     "08": {"public": [1], "runs_each": 2},
-    "09": {"benches": 2, "repeats": 2},
-    "10": {"robots_each": 2, "couplings": [0.03], "torque_shares": [0.1], "repeats": 2},
+    "09": {"benches": 2, "repeats": 2, "robots_each": 2, "couplings": [0.03]},
     "12": {"benches": 1, "levels": [6], "realisations": [1]},
     "14": {"noises": 2, "noise_seeds": 2, "mountings": 1, "bits": [19], "frictions": [0.05]},
 }

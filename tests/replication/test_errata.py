@@ -8,7 +8,7 @@ from replication import published
 from replication.cmaes import constants, generations, update
 from replication.records import load_clean, load_noisy
 from replication.signature import Box, Parameters, Timing, d_b, h, rmse
-from replication.table2 import NOISE_ROW, NOTEBOOK, noisy_record, search_box
+from replication.table2 import NOISE_ROW, NOTEBOOK, noisy_records, search_box
 
 T = 0.002 * np.arange(2401)
 X = Parameters(A=1.0, t0=0.01, tau=14.0, omega=130.0, v_t=100.0, T2=0.1507, T1=0.0111)
@@ -65,7 +65,7 @@ def test_the_noise_is_not_proportional_to_the_amplitude():
 
 def test_the_last_printed_sd_cannot_be_a_variance():
     noise, runs = published.value("table2.row11.noise"), published.value("text.runs")
-    record, _ = noisy_record(NOTEBOOK, NOISE_ROW, 1)
+    (record, _), *_ = noisy_records(NOTEBOOK, NOISE_ROW, 1)
     widest = search_box(record, NOTEBOOK).upper[0]  # of A, the wider of the two boxes
     assert 0.99 < widest / (NOTEBOOK.amplitude_factor * noise) <= 1
     largest_sd = widest * np.sqrt(runs / (runs - 1))  # half of the runs at either end

@@ -93,9 +93,12 @@ def test_a_row_made_again_is_the_committed_one():
 def test_the_realisations_that_are_kept_are_forty_of_each_row_and_setting():
     kept = table2.read_realisations()
     sizes = kept.groupby(["row", "protocol"]).size().unstack()
-    assert {*sizes} == {each.name for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
-    assert (sizes.loc[1:10] == 40).all(axis=None)
-    assert (sizes.loc[11] == 10).all()
+    assert {*sizes} == {each.protocol for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
+    others = [each.protocol for each in table2.DRAWN_STARTS if each.start != "per row"]
+    assert (sizes.loc[1:10].drop(columns=others) == 40).all(axis=None)
+    assert (sizes.loc[1:10].nunique() == 1).all()
+    assert (sizes.loc[11].dropna() == 10).all()
+    assert {*sizes.loc[11].dropna().index} == {each.protocol for each in table2.SETTINGS}
     assert [(each.population, each.amplitude_factor) for each in table2.SETTINGS[:3]] == [
         (300, 1.3),
         (300, 1.0),
@@ -108,22 +111,25 @@ def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
     made = []
 
     def realise(settings, row, realisation):
-        made.append((settings.name, row, realisation))
-        return {"protocol": settings.name, "realisation": realisation, "row": row}
+        made.append((settings.protocol, row, realisation))
+        return {"protocol": settings.protocol, "realisation": realisation, "row": row}
 
     monkeypatch.setattr(table2, "realise", realise)
     path = tmp_path / "table.csv"
     table2.make_realisations(path, 11)
-    # Row 11 is made ten times.
-    assert len(made) == len({*made}) == 10 * (11 * 10 + 10)
+    # Row 11 is made ten times with the whole record.
+    assert len(made) == len({*made}) == 14 * 11 * 10 + 8 * 10
     pd.read_csv(path)[1:-1].to_csv(path, index=False)
     table2.make_realisations(path, 11)
-    assert made[1200:] == [made[0], made[1199]]
+    assert made[1620:] == [made[0], made[1619]]
     table = pd.read_csv(path)
-    assert len(table) == 1200
-    # Where a row has fewer, so many of each are read.
-    table[(table["row"] != 3) | (table["realisation"] < 11)].to_csv(path, index=False)
-    assert table2.read_realisations(path)["realisation"].max() == 10
+    assert len(table) == 1620
+    # Where a row has fewer, so many of each are read of its protocol.
+    lacks = (table["row"] == 3) & (table["protocol"] == table2.NOTEBOOK.protocol)
+    table[~lacks | (table["realisation"] < 11)].to_csv(path, index=False)
+    most = table2.read_realisations(path).groupby("protocol")["realisation"].max()
+    assert most.pop(table2.NOTEBOOK.protocol) == 10
+    assert (most == 11).all()
 
 
 def test_a_constant_record_has_no_best_fit():
@@ -152,30 +158,37 @@ def test_runs_are_summarised_by_their_amplitudes_and_noise_keeps_its_sign():
     assert noise["mean_A_rps"] == pytest.approx(0)
 
 
-def test_a_setting_has_its_own_noise_and_seeds_the_same_twice_and_may_drop_a_hundred_samples(
-    monkeypatch,
-):
+def test_a_protocol_has_its_own_noise_and_seeds_the_same_twice(monkeypatch):
     monkeypatch.setattr(table2, "load_clean", lambda level: constant_speed())
-    drawn = [table2.noisy_record(each, 5, 3) for each in (*table2.SETTINGS, table2.SETTINGS[0])]
-    np.testing.assert_array_equal(drawn[0][0].v, drawn[-1][0].v)
-    assert len({tuple(seeds) for _, seeds in drawn}) == 8
-    assert len({record.v[0] for record, _ in drawn}) == 8
+    protocols = (*table2.SETTINGS, *table2.DRAWN_STARTS)
+    drawn = [table2.noisy_records(each, 5, 3) for each in (*protocols, table2.NOTEBOOK)]
+    for (record, seed), (again, seed_again) in zip(drawn[0], drawn[-1], strict=True):
+        np.testing.assert_array_equal(record.v, again.v)
+        assert seed == seed_again
+    assert len({tuple(seed for _, seed in each) for each in drawn}) == len(protocols) == 14
+    assert len({each[0][0].v[-1] for each in drawn}) == 14
+    assert all(len(each) == table2.RUNS for each in drawn)
     # The printed noise of row 5.
-    assert np.abs(drawn[0][0].v - 100).max() == pytest.approx(0.1394, rel=0.01)
-    notebook, leader = table2.DRAWN_STARTS
-    assert (notebook.population, leader.population, leader.rpm) == (300, 600, True)
-    sizes = [table2.noisy_record(leader, 5, number)[0].v.size for number in range(1, 40)]
-    assert min(sizes) < 2401 - 70
-    assert 2401 - 100 < max(sizes) <= 2401
-    assert len(set(sizes)) > 20
+    assert np.abs(drawn[0][0][0].v - 100).max() == pytest.approx(0.1394, rel=0.01)
 
 
-@pytest.mark.parametrize(("size", "k"), [(39, 1), (79, 2), (320, 8)])
-def test_the_prediction_interval_is_of_order_statistics(size, k):
-    numbers = np.random.default_rng(1).permutation(np.arange(1.0, size + 1))
-    assert table2.prediction_interval(numbers) == (k, size + 1 - k)
-    assert 1 - 2 * k / (size + 1) >= 0.95 > 1 - 2 * (k + 1) / (size + 1)
-    assert table2.prediction_interval(range(38)) == (-np.inf, np.inf)
+@pytest.mark.parametrize("start", table2.STARTS)
+def test_a_start_is_one_of_the_first_hundred_samples_for_what_it_is_drawn_for(start, monkeypatch):
+    monkeypatch.setattr(table2, "load_clean", lambda level: constant_speed())
+    settings = replace(table2.RPM_600, start=start)
+    tables = [
+        [
+            [2401 - record.v.size for record, _ in table2.noisy_records(settings, row, number)]
+            for row in (5, 6)
+        ]
+        for number in range(1, 21)
+    ]
+    starts = np.array(tables)  # shape (tables, rows, fits)
+    assert 0 <= starts.min() <= starts.max() < 100
+    of_row, of_table = (np.ptp(starts, axis=axes).max() for axes in (2, (1, 2)))
+    assert (of_row > 0) == (start == "per fit")
+    assert (of_table > 0) == (start in ("per fit", "per row"))
+    assert (np.ptp(starts) > 70) == (start != table2.WHOLE)
 
 
 def make_runs(errors_percent):

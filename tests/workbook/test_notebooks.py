@@ -24,6 +24,12 @@ def test_a_notebook_has_one_parameters_cell_and_the_next_checks_every_parameter(
 
 
 @pytest.mark.parametrize("name", SOURCES)
+def test_no_line_of_code_scrolls_sideways_in_a_page_of_the_book(name):
+    code = [cell.source for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
+    assert [line for cell in code for line in cell.splitlines() if len(line) > 84] == []
+
+
+@pytest.mark.parametrize("name", SOURCES)
 def test_the_executed_notebook_has_the_cells_of_its_source_and_no_error(name):
     executed = nbformat.read(SOURCES[name].with_suffix(".ipynb"), as_version=4)
     cells = jupytext.read(SOURCES[name]).cells

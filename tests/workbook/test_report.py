@@ -3,12 +3,12 @@
 import math
 import re
 
-import numpy as np
 import pytest
 
-from replication import published, table2
+from replication import published
+from replication.evidence import Rejections
 from replication.files import UserError
-from workbook import ROOT, evidence, judging, report
+from workbook import ROOT, judging, report
 from workbook.outcomes import RESULTS
 
 TEXT = (RESULTS / "report.md").read_text("utf-8")
@@ -65,14 +65,8 @@ def test_make_check_prints_every_number_and_notices_a_new_difference():
 
 
 def test_a_number_that_changes_changes_the_sentences(facts):
-    means = facts["means"] | {"agree": 7}
-    assert "7 of 10 printed means" in render(facts, means=means)
     claims = facts["claims"].assign(verdict="holds")
     assert f"{len(claims)} hold, 0 do not, and 0 are undecided" in render(facts, claims=claims)
-    for p, sentence in ((0.01, "do not agree as a whole"), (0.3, "as a whole are neither")):
-        whole = facts["evidence"]["whole"] | {"p_sds": p}
-        said = render(facts, evidence=facts["evidence"] | {"whole": whole})
-        assert f"SDs {sentence}" in said
     some = {"logs": 20, "refused": 20, "reasons": [("wrong period", 9)]}
     assert "of none is" not in render(facts, hardware=some)
     said = render(facts, hardware=some | {"refused": 15})
@@ -83,29 +77,61 @@ def test_a_number_that_changes_changes_the_sentences(facts):
 # ------------------------------------------------------------------------------------------------ Table 2 as a whole
 
 
-@pytest.fixture(scope="module")
-def whole():
-    realisations = table2.read_realisations(RESULTS / "table2_realisations.csv")
-    return realisations[~evidence.starts_drawn(realisations)]
+def render_evidence(facts, start=None, **changed):
+    """The report with other evidence: of a start, or of all together."""
+    evidence = dict(facts["evidence"])
+    if start:
+        starts = evidence["starts"]
+        evidence["starts"] = starts | {start: starts[start]._replace(**changed)}
+    else:
+        evidence |= changed
+    return render(facts, evidence=evidence)
 
 
-def test_p_as_a_whole_is_uniform_among_our_own_tables(whole):
-    """Tables put together from ours row by row, judged like the printed one: about a tenth have p below 0.1."""
-    means, _ = evidence.tables(whole)
-    rng = np.random.default_rng(3)
-    p = []
-    for _ in range(150):
-        left = rng.permuted(means, axis=1)
-        p.append(evidence.joint_p(evidence.mean_scores(left)))
-    assert 0.02 <= np.mean(np.array(p) < 0.1) <= 0.20
-    assert 0.40 <= np.mean(np.array(p) < 0.5) <= 0.65
+def test_the_first_sentence_follows_the_cells_and_the_claim_of_the_start(facts):
+    means, sds = facts["means"] | {"agree": 7}, facts["sds"] | {"agree": 6}
+    said = render(facts, means=means, sds=sds)
+    assert (
+        "**If the search sees the whole record, 7 of Table 2's 10 means and 6 of its 10 SDs" in said
+    )
+    for verdict, words in (
+        ("undecided", "neither confirmed nor excluded"),
+        ("does not hold", "excluded"),
+        ("holds", "confirmed"),
+    ):
+        claims = facts["claims"].copy()
+        claims.loc["random_start", "verdict"] = verdict
+        said = render(facts, claims=claims)
+        assert f"the start that the text describes can be {words}.**" in said
 
 
-def test_a_table_that_is_off_is_rejected(whole):
-    means, sds = evidence.tables(whole)
-    printed = evidence.printed_table()
-    for factor in (0.93, 1.07):
-        off = np.hstack([factor * printed.means, means])
-        assert evidence.joint_p(evidence.mean_scores(off)) < 0.01
-        assert evidence.bias_p(means, factor * printed.means) < 0.01
-    assert evidence.joint_p(evidence.rank_scores(np.hstack([20 * printed.sds, sds]))) < 0.01
+def test_what_rejects_a_start_is_counted_in_its_sentence(facts):
+    some = Rejections(tests=12, rejected=5, smallest=0.0001, largest=0.2)
+    said = render_evidence(facts, "whole record", means=some)
+    assert "rejected by 5 of 12 tests (8 settings" in said
+    assert "p from below 0.001 to 0.2)" in said
+    assert "*For each fit*: rejected by none of 12 tests" in render_evidence(
+        facts, "per fit", means=some._replace(rejected=0)
+    )
+    said = render_evidence(facts, "per table", means=some._replace(rejected=12), reaching=3)
+    assert "*Once for the table*: by all of 12 tests; 3 of" in said
+    few = some._replace(tests=0, rejected=0)
+    assert "by none, because so few tables can reject nothing" in render_evidence(
+        facts, "per table", means=few
+    )
+    said = render_evidence(facts, "per row", inside=[8.0, 9.0], above=4, excluded_by="no score")
+    assert (
+        "8 to 9 of 10 means lie in our intervals, 4 above our medians; excluded by no score" in said
+    )
+
+
+def test_the_score_decides_the_sds_only_where_scores_differ(facts):
+    tests = facts["evidence"]["starts"]["whole record"].sds
+    for rejected, decides in ((0, False), (1, True), (tests.tests, False)):
+        sds = tests._replace(rejected=rejected)
+        said = render_evidence(facts, "whole record", sds=sds)
+        assert ("SDs: the score decides" in said) == decides
+    p = facts["evidence"]["p"] | {("SDs", "squares"): 0.77}
+    assert "p = 0.77 by squares" in render_evidence(facts, p=p)
+    said = render_evidence(facts, row10_below=300, row10_smallest=0.0123)
+    assert "0.0194 lies below 300 of 320 of ours (the smallest: 0.0123)" in said

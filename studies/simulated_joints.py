@@ -2,7 +2,7 @@
 
 Both sides rub by Coulomb, viscous and Stribeck friction, the gear loses a share of the torque that it carries,
 contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque
-comes a period late. What a bench may have besides is a `Fault`.
+comes a period late. What a joint may have besides is a `Fault`.
 """
 
 import math
@@ -36,6 +36,9 @@ class Fault(NamedTuple):
     torque_filter_s: float = 0.0  # time constant of a low-pass of the logged torque
     soft_share: float = 1.0  # of the stiffness that is left within `soft_rad` beyond the gap
     soft_rad: float = 0.0
+    drag: float = 0.0  # share of the damping that acts in the gap, too
+    held: int = 1  # samples over which each logged value stands
+    torque_mean_s: float = 0.0  # over which the log's torque is a running mean
 
 
 class DrivenJoint(NamedTuple):
@@ -65,7 +68,7 @@ class DrivenJoint(NamedTuple):
     resolution_rad: float
 
 
-class BenchLog(NamedTuple):
+class JointLog(NamedTuple):
     """Time [s], motor speed [rps] and torque in an own unit; a joint's gear ratio, J_l / (N^2 J_m) and m g r / J_l."""
 
     t: FloatArray
@@ -119,8 +122,10 @@ def run_joint(joint, fault, path, angle, hanging):
             bend = twist - min(max(twist, -joint.delta_rad), joint.delta_rad)
             rate = motor + quick - load
             soft = min(abs(bend), fault.soft_rad) * (1 - fault.soft_share) * np.sign(bend)
-            contact = joint.stiffness * (bend - soft) + joint.damping * rate if bend else 0.0
+            damper = joint.damping * rate
+            contact = joint.stiffness * (bend - soft) + (1 - fault.drag) * damper if bend else 0.0
             contact = contact if contact * bend > 0 else 0.0  # teeth do not pull
+            contact += fault.drag * damper
             other = fault.second_axis * np.sin(TURN * fault.second_axis_turns * turn * t)
             gravity = joint.gravity * (1 + other) * np.sin(angle + joint.vertical_rad)
             cogging = joint.cogging * np.sin(joint.cogging_order * motor_angle)
@@ -217,7 +222,7 @@ def draw_turns(
     friction: float = 0.03,
     loss: float = 0.0,
     fault: Fault = Fault(),  # noqa: B008
-) -> BenchLog:
+) -> JointLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
@@ -231,18 +236,23 @@ def draw_turns(
 
 def log_turns(
     rng: Generator, joint: DrivenJoint, gear_ratio: float, fault: Fault, seen: FloatArray
-) -> BenchLog:
+) -> JointLog:
     """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
     v = seen[late::every, 0]
-    torque = seen[: len(seen) - late : every, 1]
+    periods = max(round(fault.torque_mean_s / CONTROL_S), 1)
+    padded = np.pad(seen[:, 1], (periods - 1, 0), "edge")
+    mean = np.convolve(padded, np.full(periods, 1 / periods), "valid")
+    torque = mean[: len(seen) - late : every]
     v_noise = rng.uniform(0, 0.002) * joint.speed
     torque_noise = rng.uniform(0.002, 0.01) * joint.gravity
     v = v + v_noise * rng.standard_normal(v.size)
     torque = torque + torque_noise * rng.standard_normal(torque.size)
+    stands = np.arange(v.size) // fault.held * fault.held
+    v, torque = v[stands], torque[stands]
     count = joint.gravity * 4 / 2.0 ** rng.integers(11, 15)
-    return BenchLog(
+    return JointLog(
         every * CONTROL_S * np.arange(v.size, dtype=float),
         v * gear_ratio / TURN,
         count * np.rint(torque / count),

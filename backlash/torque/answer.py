@@ -1,0 +1,301 @@
+"""The answer of a fit: which movements and joints are refused, the gap's interval, and what "no backlash" needs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backlash.load_data import LoadData
+from backlash.refusals import Reason, Refusal
+from backlash.torque.load import Prediction, jacobian, predict
+from backlash.torque.problem import SETTINGS as COMPARED
+from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem
+from backlash.torque.search import Candidate, hold_delta, search
+from backlash.torque.unknowns import (
+    DELAY,
+    DELTA,
+    FILTER,
+    GRAVITY,
+    INERTIA,
+    IS_LOGARITHM,
+    LOSS,
+    NAMES,
+    RATIO,
+    SHARE,
+    SOFT,
+    STIFFNESS,
+    TABLE,
+)
+from backlash.turns import (
+    gravity_by_turn,
+    odd_against_even,
+    periodic,
+    scatter_of_phase,
+    turn_phases,
+)
+from replication.records import Recording
+from replication.signature import FloatArray
+
+NORMAL_95 = 1.96  # half width over SD of a 95 % interval
+
+
+@dataclass(frozen=True)
+class AnswerLimits:
+    """Errors beyond the noise, and what is refused, each with its reason.
+
+    "Benches" are the joints of `studies.simulated_joints`, of other seeds than the datasheet's.
+    """
+
+    # Errors beyond what noise explains: on 20 benches of a seed of their own the errors' SD was 0.55 of that with 0.07.
+    method_error: float = 0.05
+    # Of the soft part, which bends rather than breaks.
+    soft_error: float = 0.03
+    # Of benches without soft teeth fits have a soft part of 0.11 mrad (RMS of 87).
+    least_soft_sd_mrad: float = 0.1
+    least_sd_rad: float = 5e-6  # half a count of 19 bits
+    most_sd: float = 0.2  # over the backlash: a wider interval is no answer
+    most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
+    most_off: float = (
+        3.5  # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off
+    )
+    most_delay_ms: float = 5.0  # a current loop's and a bus's are below
+    most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
+    # Odd against even turns over gravity, and the times of gravity's line: of 100 simulated joints at most 0.14 % and
+    # 0.26 ms; with another axis at 0.5 or 1.5 times the turn, of 2 % of gravity, 1.3 % or more, and with a clock that
+    # wanders by 3 ms 1.6 ms or more.
+    most_odd_against_even: float = 0.006
+    most_scatter_s: float = 1e-3
+    # Acceleration of a line over gravity's: of 130 benches' joints 0.05 at most, but for one whose drive hums; with a
+    # gear's error of 0.5 mrad a hundred times a turn 0.09 or more, if it is sampled at all.
+    most_ripple: float = 0.1
+    # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
+    clear: float = 25.0
+    rival: float = 9.0
+    negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
+
+
+LIMITS = AnswerLimits()
+_ADVICE = "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
+
+
+@dataclass(frozen=True)
+class TorqueFit:
+    """The joint that speed and torque tell of."""
+
+    delta_rad: float  # half of the play
+    interval_rad: tuple[float, float]  # 95 %
+    is_none: bool  # the backlash is negligible, and one that is not fits clearly worse
+    chi_squared: float  # per compared number
+    joint: dict[str, tuple[float, float]]  # quantities of the joint, each with its SD
+    model_torque: FloatArray  # at the samples, up to 100 Hz
+
+
+@np.errstate(all="ignore")  # trials far from any joint
+def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> TorqueFit:
+    """Find the backlash from the motor's speed and torque; Refusal where they do not tell it.
+
+    The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
+    its current.
+    """
+    turn = measure_turn(recording, torque)
+    _check_movement(recording, torque, turn, load)
+    c = COMPARED
+    rough = state_problem(turn, load, c.search_model_error, c.search_harmonics, 2 * c.step_s)
+    problem = state_problem(turn, load, c.model_error, c.most_harmonics, c.step_s)
+    best, *others = search(problem, rough)
+    scale = max(
+        best.chi2 / problem.size, 1.0
+    )  # of chi squared, where the model leaves more than noise
+    covariance = scale * _covariance(problem, best)
+    _check_joint(problem, best, covariance)
+    rivals = [each for each in others if each.chi2 < best.chi2 + LIMITS.rival * scale]
+    delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
+    interval, is_none = _pool_intervals(problem, best, covariance, rivals, scale)
+    excluded_rad = LIMITS.negligible_rad if is_none else 0.0
+    if hold_delta(problem, best, 1e3 * excluded_rad).chi2 - best.chi2 < LIMITS.clear * scale:
+        also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
+        raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
+    return TorqueFit(
+        delta_rad=delta,
+        interval_rad=interval,
+        is_none=is_none,
+        chi_squared=best.chi2 / problem.size,
+        joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio),
+        model_torque=_model_torque(recording, torque, problem, best),
+    )
+
+
+# ---------------------------------------------------------------------------------------------------- the interval
+
+
+def _covariance(problem: Problem, best: Candidate) -> FloatArray:
+    """The unknowns' covariance, by the priors as they are above zero."""
+    by, _ = jacobian(_predict_again(problem, best), problem.compared)
+    _, prior = problem.prior(best.theta, np.maximum(best.theta, 1e-9))
+    return np.asarray(np.linalg.inv(by.T @ by + prior.T @ prior))
+
+
+def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
+    """The gap's 95 % interval [rad].
+
+    A gap and a soft part take each other's place, and other errors of the model look like a soft part. As no soft part
+    is less than none, the gap exceeds the best one by no more than the best soft part makes room for, and by the errors
+    of a gap beside a soft part that is known.
+    """
+    delta, soft = np.maximum(1e-3 * theta[[DELTA, SOFT]], 0)
+    soft_sd = 1e-3 * np.sqrt(covariance[SOFT, SOFT])
+    slope = covariance[DELTA, SOFT] / covariance[SOFT, SOFT]
+    beside = 1e-6 * (covariance[DELTA, DELTA] - slope * covariance[DELTA, SOFT])
+    errors = LIMITS.method_error * delta, LIMITS.least_sd_rad + LIMITS.soft_error * soft
+    sd = np.sqrt(beside + np.square(errors).sum())
+    low = delta - NORMAL_95 * np.hypot(sd, slope * soft_sd)
+    most = min(max(soft_sd, 1e-3 * LIMITS.least_soft_sd_mrad), soft)
+    high = delta + NORMAL_95 * np.hypot(sd, slope * most)
+    return max(float(low), 0.0), float(high)
+
+
+def _pool_intervals(
+    problem: Problem, best: Candidate, covariance: FloatArray, rivals: list[Candidate], scale: float
+) -> tuple[tuple[float, float], bool]:
+    """The interval over all minima that fit nearly as well, and whether it is of no backlash; Refusal if too wide."""
+    own = _interval(best.theta, covariance)
+    is_none = own[1] < LIMITS.negligible_rad
+    # None has none that is not negligible.
+    others = [
+        (0.0, 1e-3 * each.theta[DELTA])
+        if is_none
+        else _interval(each.theta, scale * _covariance(problem, each))
+        for each in rivals
+    ]
+    low, high = min(ends[0] for ends in [own, *others]), max(ends[1] for ends in [own, *others])
+    delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
+    widest = LIMITS.negligible_rad if is_none else 2 * NORMAL_95 * LIMITS.most_sd * delta
+    if own[1] - own[0] > widest:
+        unknown = f"the backlash is not known within {LIMITS.most_sd:.0%}"
+        raise Refusal(f"{unknown}; {_ADVICE}", Reason.TOO_NOISY)
+    if high - low > widest:
+        ends = f"{1e3 * low:.2g} to {1e3 * high:.2g}"
+        also = f"backlashes of {ends} mrad fit nearly as well as {1e3 * delta:.2g} mrad"
+        raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
+    return (low, high), is_none
+
+
+# ------------------------------------------------------------------------------------------------- what is refused
+
+
+def _check_movement(
+    recording: Recording, torque: FloatArray, turn: MeasuredTurn, load: LoadData
+) -> None:
+    """Refuse a movement whose turns differ, or in which the teeth may not part, or part by the gear's error."""
+    by_turn = gravity_by_turn(recording, torque)
+    change = max(by_turn.real.std(), by_turn.imag.std()) / abs(by_turn.mean())
+    if change > LIMITS.most_change:
+        raise Refusal(
+            f"the torque's line once a turn changes by {change:.0%} from turn to turn; is it gravity's, or does "
+            "another axis move?",
+            Reason.NOT_PERIODIC,
+        )
+    odd = odd_against_even(recording, torque)
+    if odd > LIMITS.most_odd_against_even:
+        raise Refusal(
+            f"odd and even turns differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
+            "at half this joint's rate? hold all other axes still",
+            Reason.NOT_PERIODIC,
+        )
+    scatter = scatter_of_phase(recording, torque)
+    if scatter > LIMITS.most_scatter_s:
+        raise Refusal(
+            f"gravity's line comes {1e3 * scatter:.2g} ms early or late from turn to turn; does the log's clock "
+            "wander, or does another axis move?",
+            Reason.NOT_PERIODIC,
+        )
+    if turn.friction >= 1:
+        raise Refusal(
+            f"the mean torque, {turn.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs an "
+            "off-centre load whose gravity exceeds friction and losses, and a horizontal axis",
+            Reason.NO_REVERSAL,
+        )
+    ripple = turn.ripple / (load.gravity_per_s2 * load.inertia_ratio)
+    if ripple > LIMITS.most_ripple:
+        raise Refusal(
+            f"a line of the speed is a ripple of {ripple:.0%} of gravity; does the gear's error part the teeth, or "
+            "does the drive hum?",
+            Reason.NO_FIT,
+        )
+
+
+def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> None:
+    """Refuse what no joint of the model is."""
+    off, delay = problem.prior_distances(best.theta), float(best.theta[DELAY])
+    is_bad = problem.misfit(best.chi2) > LIMITS.most_misfit
+    is_late = abs(delay) - NORMAL_95 * np.sqrt(covariance[DELAY, DELAY]) > LIMITS.most_delay_ms
+    if is_late and not is_bad:
+        when = "late" if delay > 0 else "early"
+        raise Refusal(
+            f"the torque comes {abs(delay):.2g} ms too {when}; log it at the same instants as the speed",
+            Reason.NO_FIT,
+        )
+    farthest = int(np.abs(off).argmax())
+    if is_bad or abs(off[farthest]) > LIMITS.most_off:
+        raise Refusal(
+            f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[farthest]} "
+            f"{off[farthest]:+.1f}, gravity {off[GRAVITY]:+.1f} and inertia ratio {off[RATIO]:+.1f} SDs off, gear loss "
+            f"{best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by {best.theta[FILTER]:.1f} ms); are "
+            "the load's data right? are all other axes held still, and is the arm stiff beside the payload? is "
+            "there a belt, or an error of the gear?",
+            Reason.NO_FIT,
+        )
+
+
+# --------------------------------------------------------------------------------------------------- what is told
+
+
+def _predict_again(problem: Problem, candidate: Candidate) -> Prediction:
+    predicted = predict(candidate.theta, problem.compared, candidate.start)
+    if predicted is None:
+        raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
+    return predicted
+
+
+def _quantities(
+    best: Candidate,
+    covariance: FloatArray,
+    rivals: list[Candidate],
+    scale: float,
+    gear_ratio: float,
+) -> dict[str, tuple[float, float]]:
+    """Quantities of the joint with their SDs: by noise, by the minima that fit nearly as well, by the model's errors.
+
+    The stiffness is that up to gravity's torque: a stiffer spring beside a soft part fits as well.
+    """
+    values = np.array([_up_to_gravity(each.theta) for each in (best, *rivals)])
+    slope, moves = np.eye(len(TABLE)), 1e-6 * np.eye(len(TABLE))
+    ends = [
+        (_up_to_gravity(best.theta + move), _up_to_gravity(best.theta - move)) for move in moves
+    ]
+    slope[STIFFNESS] = [(ahead - back)[STIFFNESS] / 2e-6 for ahead, back in ends]
+    errors = np.array([each.error for each in TABLE])
+    # Each minimum weighs as much as it is likely.
+    weight = np.exp(-0.5 * np.array([each.chi2 - best.chi2 for each in (best, *rivals)]) / scale)
+    spread = weight @ (values - values[0]) ** 2 / weight.sum()
+    sd = np.sqrt(np.diag(slope @ covariance @ slope.T) + spread + errors**2)
+    theta = values[0] - np.log(gear_ratio) * (np.arange(len(TABLE)) == INERTIA)  # J_m of N J_m
+    value = np.where(IS_LOGARITHM, np.exp(theta), theta)
+    of_value = np.where(IS_LOGARITHM, value * sd, sd)
+    told = zip(TABLE, value.tolist(), of_value.tolist(), strict=True)
+    return {unknown.printed: (each, own) for unknown, each, own in told if unknown.printed}
+
+
+def _up_to_gravity(theta: FloatArray) -> FloatArray:
+    """The unknowns with the stiffness up to gravity's torque, that over its wind-up, in the place of the spring's."""
+    g, K, soft = np.exp(theta[GRAVITY]), np.exp(theta[STIFFNESS]), 1e-3 * max(theta[SOFT], 0.0)
+    wind_up = min(g / (theta[SHARE] * K), g / K + (1 - theta[SHARE]) * soft)
+    return np.where(np.arange(theta.size) == STIFFNESS, np.log(g / wind_up), theta)
+
+
+def _model_torque(
+    recording: Recording, torque: FloatArray, problem: Problem, best: Candidate
+) -> FloatArray:
+    """The model's torque at the samples; its mean, which holds the motor's friction, is the log's."""
+    predicted = _predict_again(problem, best)
+    wave = periodic(predicted.torque, problem.compared.order, turn_phases(recording))
+    return np.asarray(torque.mean() + wave)

@@ -1,0 +1,196 @@
+"""What is fitted: the harmonics of the mean turn that are compared, and what is known of the joint beforehand."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from backlash.load_data import LoadData
+from backlash.refusals import Reason, Refusal
+from backlash.torque.load import Comparison, compare
+from backlash.torque.unknowns import (
+    FRICTION,
+    GRAVITY,
+    INERTIA,
+    PHASE,
+    RATIO,
+    SHARE,
+    SOFT,
+    STIFFNESS,
+    TABLE,
+)
+from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics
+from replication import njit
+from replication.records import Recording
+from replication.signature import FloatArray
+
+
+@dataclass(frozen=True)
+class ComparisonSettings:
+    """Constants of the comparison, each with its source."""
+
+    driven_hz: float = 300.0  # of the motion that drives the load: five times the fastest ring
+    fitted_hz: float = 100.0  # of the torque: beyond, simulated joints' logs hold noise alone
+    step_s: float = 7e-4  # an eighth of a radian of a ring of 30 Hz
+    most_harmonics: int = 80
+    search_harmonics: int = 20  # with few harmonics the misfit has few minima
+    least_harmonics: int = 12  # more numbers than unknowns
+    # Of the motor's turn: encoders err once and twice, torques ripple with the phases.
+    motor_orders: tuple[int, ...] = (1, 2, 6)
+    # Of the torque: cogging's side bands, friction that is not constant. In the search the load's data are still wrong.
+    model_error: float = 0.02
+    search_model_error: float = 0.1
+    loss_smoothing: float = 0.01  # of gravity, within which the loss changes its sign
+    soft_wind_up: float = 0.2  # SD of the soft part's share of gravity's wind-up
+    friction_beyond_sd: float = 0.05  # by which the load's friction may exceed all friction
+    first_ripple: int = 15  # below, gravity and friction stand out themselves
+
+
+SETTINGS = ComparisonSettings()
+_SOFT_SD, _BEYOND_SD = SETTINGS.soft_wind_up, SETTINGS.friction_beyond_sd
+_BESIDE_A_LINE = [1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 1]  # a drift of the turn widens a line
+
+
+class MeasuredTurn(NamedTuple):
+    """Harmonics of speed [rad/s of the load] and torque, and what they tell of friction and ripple."""
+
+    speed: Harmonics
+    torque: Harmonics
+    used: NDArray[np.bool_]
+    gear_ratio: float
+    friction: float  # mean torque over gravity's: of motor, gear and load
+    ripple: float  # acceleration of a line that stands out [rad/s^2 of the load]
+
+
+def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
+    """Harmonics of the mean turn; Refusal where they cannot tell the backlash."""
+    gear_ratio = recording.commanded_speed_rps * recording.turn_period_s
+    speed = harmonics(recording, TURN / gear_ratio * recording.v, SETTINGS.driven_hz)
+    of_torque = harmonics(recording, torque, SETTINGS.driven_hz)
+    gravity = abs(of_torque.coefficient[0])
+    if gravity < LEAST_GRAVITY * of_torque.sd[0] or torque.mean() < 0:
+        significance = gravity / of_torque.sd[0]
+        raise Refusal(
+            f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {significance:.1f} SDs "
+            f"({LEAST_GRAVITY:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
+            "positive where it drives forward, and the axis horizontal?",
+            Reason.NO_GRAVITY,
+        )
+    # A log of the joint's side has no orders of the motor's.
+    orders = gear_ratio * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
+    beside_motor = np.abs(speed.order[:, None] - orders) < 1.5
+    used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
+    used &= ~beside_motor.any(axis=1)
+    if used.sum() < SETTINGS.least_harmonics:
+        raise Refusal(
+            f"{used.sum()} harmonics of the turn up to {SETTINGS.fitted_hz:g} Hz can be compared; "
+            f"{SETTINGS.least_harmonics} are needed: sample faster",
+            Reason.TOO_SLOWLY_SAMPLED,
+        )
+    friction = float(torque.mean() / (2 * gravity))
+    return MeasuredTurn(speed, of_torque, used, gear_ratio, friction, largest_ripple(speed))
+
+
+def largest_ripple(speed: Harmonics) -> float:
+    """Acceleration [rad/s^2] of the harmonic that stands out most from those beside it.
+
+    Impacts of the teeth fill the spectrum evenly; an error of gear, teeth or encoder is a line.
+    """
+    acceleration = 2 * speed.omega * np.abs(speed.coefficient)
+    beside = maximum_filter(acceleration, footprint=_BESIDE_A_LINE, mode="constant")
+    return float((acceleration - 2 * beside)[SETTINGS.first_ripple :].max(initial=0.0))
+
+
+class Problem(NamedTuple):
+    """Least squares in the unknowns: the numbers that are compared, and the priors."""
+
+    compared: Comparison
+    mean: FloatArray
+    sd: FloatArray
+    sd_below_zero: FloatArray
+    most_friction: float  # of the load: all friction
+
+    @property
+    def size(self) -> int:
+        """How many numbers are compared."""
+        return 2 * self.compared.order.size
+
+    def misfit(self, chi2: float) -> float:
+        """By how many SDs chi squared exceeds what noise leaves."""
+        return float((chi2 - self.size) / np.sqrt(2 * self.size))
+
+    def prior(self, theta: FloatArray, side: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances from what is known beforehand over their SDs, and their Jacobian.
+
+        One for each unknown, then those of the soft part's share of gravity's wind-up and of friction beyond all.
+        The law changes where an unknown is 0; it is that of the side on which another joint is.
+        """
+        found: tuple[FloatArray, FloatArray] = _weigh_prior(
+            theta, side, self.mean, self.sd, self.sd_below_zero, self.most_friction
+        )
+        return found
+
+    def is_same_side(self, theta: FloatArray, other: FloatArray) -> bool:
+        """Whether two joints are under one law of the prior."""
+        is_beyond = [each[FRICTION] > self.most_friction for each in (theta, other)]
+        return is_beyond[0] == is_beyond[1] and bool(((theta > 0) == (other > 0)).all())
+
+    def prior_distances(self, theta: FloatArray) -> FloatArray:
+        """Distances from what is known beforehand over their SDs, as they are above zero."""
+        distance = (theta - self.mean) / self.sd
+        share, _ = wind_up_share(theta)
+        distance[SOFT] = np.hypot(distance[SOFT], share / _SOFT_SD)
+        return distance
+
+
+@njit
+def _weigh_prior(theta, side, mean, sd, sd_below_zero, most_friction):
+    weight = 1 / np.where(side < 0, sd_below_zero, sd)
+    distances, slopes = np.zeros(theta.size + 2), np.zeros((theta.size + 2, theta.size))
+    distances[:-2] = (theta - mean) * weight
+    for k in range(theta.size):
+        slopes[k, k] = weight[k]
+    if side[SOFT] > 0:
+        share, slope = wind_up_share(theta)
+        distances[-2], slopes[-2] = share / _SOFT_SD, slope / _SOFT_SD
+    if side[FRICTION] > most_friction:
+        distances[-1] = (theta[FRICTION] - most_friction) / _BEYOND_SD
+        slopes[-1, FRICTION] = 1 / _BEYOND_SD
+    return distances, slopes
+
+
+@njit
+def wind_up_share(theta):
+    """The soft part's share of what gravity winds the joint up beyond the gap, and its slopes by the unknowns."""
+    slope = np.zeros(theta.size)
+    spring = 1e3 * np.exp(min(theta[GRAVITY] - theta[STIFFNESS], 50.0))
+    soft = (1 - theta[SHARE]) * theta[SOFT]
+    whole = spring + max(soft, 0.0)
+    slope[SOFT] = (1 - theta[SHARE]) * spring / whole**2
+    slope[SHARE] = -theta[SOFT] * spring / whole**2
+    slope[STIFFNESS] = soft * spring / whole**2
+    slope[GRAVITY] = -slope[STIFFNESS]
+    return soft / whole, slope
+
+
+def state_problem(
+    turn: MeasuredTurn, load: LoadData, model_error: float, harmonics: int, step_s: float
+) -> Problem:
+    """Priors by the table of unknowns, by the load's data and, of phase and inertia, by the first harmonic."""
+    g, rho = load.gravity_per_s2, load.inertia_ratio
+    first = turn.torque.coefficient[0]
+    inertial = (1 + rho) * 1j * turn.speed.omega[0] * turn.speed.coefficient[0]
+    weight = first
+    for _ in range(4):  # T = N J_m (inertial + rho g weight), whose direction is nearly that of T
+        inertia = abs(first / (0.5 * rho * g * weight / abs(weight) + inertial))
+        weight = first / inertia - inertial
+    mean, sd, below = np.array([(each.mean, each.sd, each.sd_below_zero) for each in TABLE]).T
+    mean[PHASE], mean[INERTIA] = np.angle(1j * weight), np.log(inertia)
+    mean[GRAVITY], sd[GRAVITY] = np.log(g), load.gravity_sd + 1e-3
+    mean[RATIO], sd[RATIO] = np.log(rho), load.inertia_sd + 1e-3
+    used = turn.used & (turn.speed.order <= harmonics)
+    smoothing = SETTINGS.loss_smoothing * g
+    compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
+    return Problem(compared, mean, sd, np.where(np.isnan(below), sd, below), turn.friction)

@@ -1,0 +1,251 @@
+"""The search: descents from a grid of joints, then from beside the lowest end, until none is lower."""
+
+from dataclasses import dataclass
+from itertools import product
+from operator import attrgetter
+from typing import NamedTuple
+
+import numpy as np
+
+from backlash.torque.load import Prediction, jacobian, predict, residuals
+from backlash.torque.problem import Problem
+from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
+from backlash.turns import TURN
+from replication.signature import FloatArray
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Where descents start and end, each with its reason."""
+
+    starts_mrad: tuple[float, ...] = (0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 1.7, 2.4)
+    rings_hz: tuple[float, float] = (10.0, 60.0)  # industrial joints: 8 to 60 Hz
+    start_rings: int = 7
+    start_frictions: tuple[float, ...] = (0.02, 0.25, 0.5, 0.75, 0.95)  # of all friction
+    first_starts: int = 16
+    usual_misfit: float = 1.6
+    finalists: tuple[int, int] = (5, 20)
+    most_off: float = 3.5
+    # Beside the best: steps of 6 % of the backlash and 0.02 mrad, of ln K, and whether a soft part comes or goes, which
+    # is a minimum of its own.
+    neighbours: tuple[tuple[float, float, bool], ...] = (
+        *product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45), (False,)),
+        *((2.0, -0.8, False), (3.0, -1.6, False), (-2.0, 0.8, False), (-3.0, 1.6, False)),
+        *product((0.0,), (0.0, -0.3), (True,)),
+    )
+    start_soft_mrad: float = 0.3
+    most_rounds: int = 4
+    # Shares of chi squared, about a hundred, by which a step that ends a descent lowers it: 2, 0.1, and nothing.
+    rough_tolerance: float = 2e-2
+    tolerance: float = 1e-3
+    last_tolerance: float = 1e-8
+    near: float = 20.0  # chi squared beyond the best end's of ends that go on
+    most_near: int = 6
+    near_tolerance: float = 1e-6
+    same: float = 0.1  # first steps between two ends of one minimum, and where descents were rough
+    rough_same: float = 0.5
+    most_trials: int = 150  # of a descent; most take 20
+
+
+SETTINGS = SearchSettings()
+
+
+class Candidate(NamedTuple):
+    """A joint of the search: its unknowns, the wind-up and its rate where the turn begins, and its misfit."""
+
+    theta: FloatArray
+    start: FloatArray | None
+    chi2: float
+
+
+_chi2 = attrgetter("chi2")
+
+
+def search(problem: Problem, rough: Problem) -> list[Candidate]:
+    """The ends of descents from many backlashes, stiffnesses and frictions, the best first."""
+    s = SETTINGS
+    ends: list[Candidate] = []
+    for starts, finalists in zip(rank_starts(rough), s.finalists, strict=True):
+        rough_ends = [descend(rough, start, s.rough_tolerance) for start in starts]
+        best_ends = distinct(rough_ends, s.rough_same)[:finalists]
+        ends += [descend(problem, end, s.tolerance) for end in best_ends]
+        ends += descend_beside(problem, min(ends, key=_chi2))
+        best = min(ends, key=_chi2)
+        is_near = np.abs(problem.prior_distances(best.theta)).max() < s.most_off
+        if is_near and problem.misfit(best.chi2) < s.usual_misfit:
+            break
+    # An end that fits nearly as well may lie in the best one's valley: all of these go on to their minimum.
+    most = best.chi2 + s.near * max(best.chi2 / problem.size, 1.0)
+    near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
+    near = [descend(problem, each, s.near_tolerance) for each in near]
+    return distinct([descend(problem, min(near, key=_chi2)), *near], s.same)
+
+
+def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
+    """Joints of a grid: the best ring of each gap and friction, ranked; the best friction of each gap and ring."""
+    s = SETTINGS
+    rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
+    frictions = np.array(s.start_frictions) * min(rough.most_friction, 0.9)
+    grid = [
+        [[place(rough, delta, ring, friction) for friction in frictions] for ring in rings]
+        for delta in s.starts_mrad
+    ]
+    best_ring = [min(each, key=_chi2) for by_ring in grid for each in zip(*by_ring, strict=True)]
+    best_friction = [min(each, key=_chi2) for by_ring in grid for each in by_ring]
+    return sorted(best_ring, key=_chi2)[: s.first_starts], best_friction
+
+
+def place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> Candidate:
+    """The usual joint but for these; its misfit is infinite where the load has no periodic orbit."""
+    theta = problem.mean.copy()
+    theta[[DELTA, STIFFNESS, FRICTION]] = delta_mrad, ring, friction
+    return evaluate(problem, theta)
+
+
+def evaluate(problem: Problem, theta: FloatArray) -> Candidate:
+    """A joint with its misfit, which is infinite where the load has no periodic orbit."""
+    found = _visit(problem, theta, None)
+    if found is None:
+        return Candidate(theta, None, np.inf)
+    return Candidate(theta, found.predicted.start, found.chi2)
+
+
+def descend_beside(problem: Problem, best: Candidate) -> list[Candidate]:
+    """The ends of descents from beside the best joint, and beside a better one that is among them."""
+    s = SETTINGS
+    ends: list[Candidate] = []
+    for _ in range(s.most_rounds):
+        beside = [move(best, *step) for step in s.neighbours]
+        ends += [descend(problem, each, s.tolerance, best.chi2) for each in beside]
+        before, best = best, min([best, *ends], key=_chi2)
+        if best.chi2 > before.chi2 * (1 - s.tolerance) - 0.1:
+            break
+    return ends
+
+
+def move(candidate: Candidate, steps: float, stiffer: float, is_soft_changed: bool) -> Candidate:
+    """A joint beside another: its backlash some steps on, stiffer by a factor's logarithm, soft if it was not.
+
+    The gap and the soft part's wind-up beyond the spring's take each other's place.
+    """
+    theta = candidate.theta.copy()
+    theta[DELTA] += steps * (0.06 * abs(theta[DELTA]) + 0.02)
+    theta[STIFFNESS] += stiffer
+    if is_soft_changed:
+        start = SETTINGS.start_soft_mrad
+        more = start - theta[SOFT] if theta[SOFT] < 0.5 * start else -theta[SOFT]
+        theta[SOFT] += more
+        theta[DELTA] -= (1 - theta[SHARE]) * more
+    return candidate._replace(theta=theta)
+
+
+def distinct(candidates: list[Candidate], same: float) -> list[Candidate]:
+    """The best first, each but once; `same` is in first steps."""
+    kept: list[Candidate] = []
+    for candidate in sorted(candidates, key=_chi2):
+        if all(np.abs((candidate.theta - each.theta) / FIRST_STEP).max() > same for each in kept):
+            kept.append(candidate)
+    return kept
+
+
+# --------------------------------------------------------------------------------------------------------- a descent
+
+
+class _Place(NamedTuple):
+    """A joint, what it predicts, what that leaves of the torque, and chi squared with the priors'."""
+
+    theta: FloatArray
+    predicted: Prediction
+    residuals: FloatArray
+    chi2: float
+
+
+def _visit(problem: Problem, theta: FloatArray, start: FloatArray | None) -> _Place | None:
+    predicted = predict(theta, problem.compared, start)
+    if predicted is None:
+        return None
+    left = residuals(predicted, problem.compared)
+    return _Place(theta, predicted, left, _chi_squared(problem, theta, left))
+
+
+def _chi_squared(problem: Problem, theta: FloatArray, left: FloatArray) -> float:
+    distances, _ = problem.prior(theta, theta)
+    return float(left @ left + distances @ distances)
+
+
+def descend(
+    problem: Problem,
+    begin: Candidate,
+    tolerance: float = SETTINGS.last_tolerance,
+    target: float = np.inf,
+    holds_delta: bool = False,
+) -> Candidate:
+    """Least squares by Levenberg's and Marquardt's method; the first step is no longer than a bounce of the teeth.
+
+    It ends where a good step lowers chi squared by less than that share, or where twenty such steps would stay above a
+    target. A step to where the load has no periodic orbit is taken back.
+    """
+    found = _visit(problem, begin.theta, begin.start)
+    if found is None:
+        return begin._replace(chi2=np.inf)
+    here, has_moved = found, True
+    damping, growth, trials = 1e-3, 2.0, 0
+    while trials < SETTINGS.most_trials:
+        if has_moved:
+            slopes, start_slopes = jacobian(here.predicted, problem.compared)
+            normal, downhill = slopes.T @ slopes, slopes.T @ here.residuals
+            if not np.isfinite(normal).all():  # two orbits part
+                break
+        step = _step(problem, here.theta, normal, downhill, damping, holds_delta)
+        length = float(np.linalg.norm(step / FIRST_STEP))
+        has_moved = False
+        if trials == 0 and length > 1:
+            damping *= 4
+            continue
+        trials += 1
+        theta, start = here.theta + step, here.predicted.start + start_slopes @ step[:OF_CONTACT]
+        expected = here.chi2 - _chi_squared(problem, theta, here.residuals + slopes @ step)
+        there = _visit(problem, theta, start)
+        gain = here.chi2 - there.chi2 if there else -np.inf
+        if there and gain > 0:
+            here, has_moved = there, True
+            is_slow = gain < tolerance * here.chi2 or here.chi2 - 20 * gain > target
+            if is_slow and gain > 0.25 * expected:
+                break
+            damping, growth = damping * max(1 / 3, 1 - (2 * gain / expected - 1) ** 3), 2.0
+        else:
+            if length < 1e-5 or expected < 1e-3 * tolerance * here.chi2:
+                break
+            damping, growth = damping * growth, 2 * growth
+    return Candidate(here.theta, here.predicted.start, here.chi2)
+
+
+def _step(
+    problem: Problem,
+    theta: FloatArray,
+    normal: FloatArray,
+    downhill: FloatArray,
+    damping: float,
+    holds_delta: bool,
+) -> FloatArray:
+    """A damped step of Gauss's and Newton's method, under the priors' law of the side of zero where it ends."""
+    first = 1 if holds_delta else 0
+    step = np.zeros(theta.size)
+    before = theta
+    for _ in range(12):
+        side = theta + step
+        if step.any() and problem.is_same_side(side, before):
+            break
+        distances, slopes = problem.prior(theta, side)
+        matrix = normal + slopes.T @ slopes + np.diag(damping / FIRST_STEP**2)
+        to_end = -(downhill + slopes.T @ distances)
+        step[first:] = np.linalg.solve(matrix[first:, first:], to_end[first:])
+        before = side
+    return step
+
+
+def hold_delta(problem: Problem, candidate: Candidate, delta_mrad: float) -> Candidate:
+    """The best joint of a backlash, from another's."""
+    theta = candidate.theta.copy()
+    theta[DELTA] = delta_mrad
+    return descend(problem, candidate._replace(theta=theta), holds_delta=True)

@@ -1,0 +1,342 @@
+"""Is the printed Table 2 one more of our tables? Intervals for its numbers, and tests of it as a whole, in all choices.
+
+A realisation is one noise on a row's record and thirty runs of the search: one mean and one SD of A. Ten rows are a
+table. Which start, which settings and which score a test has is the analyst's choice, so all are made: a multiverse
+analysis (Steegen, Tuerlinckx, Gelman and Vanpaemel 2016), shown whole like a specification curve (Simonsohn, Simmons
+and Nelson 2020).
+
+In every test the printed table joins ours, and all are scored alike. Where rows share nothing, any of a row's numbers
+may stand in a table, so the printed score is ranked among tables recombined row by row. Where they share the settings
+or the start, it is ranked among the whole tables. If the printed table is one of ours, either p is uniform.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from replication import published
+from replication.table2 import DRAWN, DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
+
+DRAWS = 20_000  # tables recombined for a p
+LEVEL = 0.05
+TOGETHER = "together"  # all settings of a start
+INSIDE = "in interval"
+
+Floats = NDArray[np.float64]
+
+
+# --------------------------------------------------------------------------------------------------- one number
+
+
+def prediction_interval(
+    numbers: Sequence[float] | Floats, level: float = 0.95
+) -> tuple[float, float]:
+    """Ends between which one more number like these lies with at least this probability, whatever their law.
+
+    Of N numbers in order, one more lies between the k-th from either end with the probability 1 - 2 k / (N + 1); k is
+    the largest that gives `level`. Infinite where N is too small: below 39 for 95 %.
+    """
+    ranked = np.sort(numbers)
+    k = int((ranked.size + 1) * (1 - level) / 2 + 1e-9)
+    return (float(ranked[k - 1]), float(ranked[-k])) if k else (-np.inf, np.inf)
+
+
+def count_inside(printed: Floats, ours: Floats) -> float:
+    """How many printed numbers, shape (rows, 1), lie in the intervals of ours, (rows, N); nan if N is too small."""
+    ends = np.array([prediction_interval(row) for row in ours])
+    if not np.isfinite(ends).all():
+        return np.nan
+    return float(((ends[:, 0] <= printed[:, 0]) & (printed[:, 0] <= ends[:, 1])).sum())
+
+
+# --------------------------------------------------------------------------------------------------- whole tables
+
+
+class Tables(NamedTuple):
+    """Means of A over theoretical A, and SDs of A [rps], of N tables, each of shape (10, N)."""
+
+    ratios: Floats
+    sds: Floats
+
+    def numbers(self) -> dict[str, Floats]:
+        """The numbers that are tested together, by name."""
+        return {"means": self.ratios, "SDs": self.sds, "SDs of rows 1 to 9": self.sds[:9]}
+
+
+def printed_table() -> Tables:
+    """Table 2 as it is printed: N is 1."""
+    mean, sd, theoretical = (
+        published.column("Table 2", name)[: len(ROWS), None]
+        for name in ("mean", "sd", "theoretical")
+    )
+    return Tables(mean / theoretical, sd)
+
+
+def arrange_tables(realisations: pd.DataFrame) -> Tables:
+    """Arrange the rows of `table2.read_realisations` as whole tables."""
+    of_rows = realisations[realisations["row"].isin(ROWS)]
+    made = ["protocol", "realisation"]
+    wide = of_rows.pivot(index="row", columns=made, values=["mean_A_rps", "sd_A_rps"])
+    theoretical = published.column("Table 2", "theoretical")[: len(ROWS), None]
+    return Tables(wide["mean_A_rps"].to_numpy() / theoretical, wide["sd_A_rps"].to_numpy())
+
+
+def squared_logs(numbers: Floats) -> Floats:
+    """Squared deviation of each logarithm from its row's median, in half distances of the 16 and 84 % quantiles."""
+    logs = np.log(numbers)
+    low, middle, high = np.quantile(logs, [0.16, 0.5, 0.84], axis=1)[..., None]
+    return (2 * (logs - middle) / (high - low)) ** 2
+
+
+def rank_scores(numbers: Floats) -> Floats:
+    """-2 ln p of each number's two-sided rank in its row."""
+    below, above = (stats.rankdata(each, "max", axis=1) for each in (numbers, -numbers))
+    return -2 * np.log(np.minimum(1, 2 * np.minimum(below, above) / numbers.shape[1]))
+
+
+def relative_errors(ratios: Floats) -> Floats:
+    """|mean of A over theoretical A - 1|."""
+    return np.abs(ratios - 1)
+
+
+class Score(NamedTuple):
+    """What a test compares: a number for each row of a table, and how a table's numbers become one."""
+
+    of_rows: Callable[[Floats], Floats]  # shape (rows, N) both
+    combine: Callable[..., Floats]  # along an axis
+    two_sided: bool = False
+
+    def of_tables(self, numbers: Floats) -> Floats:
+        """Score N tables, numbers of shape (rows, N)."""
+        return self.combine(self.of_rows(numbers), axis=0)
+
+
+MEAN_DEVIATION = "mean deviation"
+SCORES_OF_MEANS = {
+    "squares": Score(squared_logs, np.sum),
+    "ranks": Score(rank_scores, np.sum),
+    MEAN_DEVIATION: Score(lambda ratios: ratios - 1, np.mean, two_sided=True),
+    "largest error": Score(relative_errors, np.max, two_sided=True),
+}
+SCORES_OF_SDS = {
+    "squares": Score(squared_logs, np.sum),
+    "ranks": Score(rank_scores, np.sum),
+    "mean logarithm": Score(np.log, np.mean, two_sided=True),
+}
+
+
+def recombine(rows: Floats, combine: Callable[..., Floats]) -> Floats:
+    """Score `DRAWS` tables that are put together of rows drawn independently; their scores have shape (rows, N)."""
+    chosen = np.random.default_rng(1).integers(rows.shape[1], size=(len(rows), DRAWS))
+    return combine(np.take_along_axis(rows, chosen, axis=1), axis=0)
+
+
+def p_values(score: Score, numbers: Floats, by_rows: bool) -> Floats:
+    """Share of tables that score as far out as each of N, numbers of shape (rows, N): its p as one of them.
+
+    The share is of tables recombined row by row and itself, or of the N whole tables.
+    """
+    statistics = score.of_tables(numbers)
+    null = recombine(score.of_rows(numbers), score.combine) if by_rows else statistics
+    itself = int(by_rows)
+    rounding = 1e-9 * np.maximum(1, np.abs(statistics))
+    ranked = np.sort(null)
+    above = itself + null.size - np.searchsorted(ranked, statistics - rounding, "left")
+    below = itself + np.searchsorted(ranked, statistics + rounding, "right")
+    tail = 2 * np.minimum(above, below) if score.two_sided else above
+    return np.minimum(1, tail / (itself + null.size))
+
+
+# --------------------------------------------------------------------------------------------------- the multiverse
+
+
+def split_protocols(realisations: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Yield start, settings and their realisations: of each start all settings together, then one by one."""
+    for start in (WHOLE, *DRAWN):
+        alone = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
+        together = [each.protocol for each in alone]
+        yield start, TOGETHER, realisations[realisations["protocol"].isin(together)]
+        for each in alone:
+            yield start, each.name, realisations[realisations["protocol"] == each.protocol]
+
+
+def make_multiverse(realisations: pd.DataFrame, printed: Tables | None = None) -> pd.DataFrame:
+    """Test the printed table against ours in all choices of start, settings, numbers and score.
+
+    Parameters
+    ----------
+    realisations : DataFrame
+        `table2.read_realisations`.
+    printed : Tables, optional
+        A table to test in place of the printed one.
+
+    Returns
+    -------
+    DataFrame
+        A row for each choice: `start, settings, tables` (how many of ours), `numbers, score`; `by` ("rows" or
+        "tables", see above), `p`, `least_p` (the smallest that so many tables can give) and `false_alarms` (the
+        share of our own tables, each in turn as the printed one, with p < 0.05); or, where the score is "in
+        interval", `inside`, how many printed numbers lie in the 95 % prediction intervals.
+    """
+    rows: list[dict[str, object]] = []
+    expected = (printed or printed_table()).numbers()
+    for start, settings, part in split_protocols(realisations):
+        by_rows = settings != TOGETHER and start != "per table"
+        for name, ours in arrange_tables(part).numbers().items():
+            key = {"start": start, "settings": settings, "tables": ours.shape[1], "numbers": name}
+            rows.append(key | {"score": INSIDE, "inside": count_inside(expected[name], ours)})
+            for label, score in (SCORES_OF_MEANS if name == "means" else SCORES_OF_SDS).items():
+                p = p_values(score, np.hstack([expected[name], ours]), by_rows)[0]
+                finest = 1 + (DRAWS if by_rows else ours.shape[1])
+                rows.append(
+                    key
+                    | {
+                        "score": label,
+                        "by": "rows" if by_rows else "tables",
+                        "p": p,
+                        "least_p": (1 + score.two_sided) / finest,
+                        "false_alarms": np.mean(p_values(score, ours, by_rows) < LEVEL),
+                    }
+                )
+    return pd.DataFrame(rows)
+
+
+# --------------------------------------------------------------------------------------------------- what it says
+
+
+class Rejections(NamedTuple):
+    """How many tests of one kind reject the printed table at 5 %, and the ends of their p."""
+
+    tests: int
+    rejected: int
+    smallest: float
+    largest: float
+
+
+def count_rejections(multiverse: pd.DataFrame, start: str, numbers: str) -> Rejections:
+    """Count what rejects means or SDs under a start, of the tests that have tables enough to reject."""
+    of_start = (multiverse["start"] == start) & (multiverse["numbers"] == numbers)
+    p = multiverse.loc[of_start & (multiverse["least_p"] < LEVEL), "p"]
+    return Rejections(p.size, int((p < LEVEL).sum()), float(p.min()), float(p.max()))
+
+
+def largest_p(multiverse: pd.DataFrame, start: str, limit: float) -> pd.Series:
+    """Largest p of each score under a start, by numbers and score, of the tests that have tables enough for the limit.
+
+    Below the limit the score excludes the start under all its settings; nan where no test has tables enough.
+    """
+    whole = multiverse["numbers"].isin(["means", "SDs"]) & (multiverse["score"] != INSIDE)
+    of_start = multiverse[whole & (multiverse["start"] == start)]
+    enough = of_start["p"].where(of_start["least_p"] < limit)
+    return enough.groupby([of_start["numbers"], of_start["score"]], sort=False).max()
+
+
+def name_exclusions(multiverse: pd.DataFrame, start: str, limit: float) -> str:
+    """Say which scores exclude a start under all its settings: "the means' largest error, the SDs' ranks"."""
+    p = largest_p(multiverse, start, limit)
+    excluding = p.index[p < limit]
+    if p.isna().all():
+        return f"none, because so few tables give no p below {limit:g}"
+    if excluding.empty or len(excluding) == len(p):
+        return f"all {len(p)} scores" if len(excluding) else f"none of {len(p)} scores"
+    by_numbers = excluding.to_frame(index=False).groupby("numbers", sort=False)["score"]
+    return ", ".join(f"the {numbers}' {_list(scores)}" for numbers, scores in by_numbers)
+
+
+def _list(names: Iterable[str]) -> str:
+    """Write names as "a, b and c"."""
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+READINGS = {
+    "per row": "once a row, the likely reading",
+    "per fit": "for each fit",
+    "per table": "once for the table",
+}
+
+
+def decide_random_start(
+    multiverse: pd.DataFrame, criteria: published.Criteria = None
+) -> published.Decision:
+    """Decide whether the search begins at a random sample, whichever way the text is read, by the mean deviation.
+
+    What was measured: p of the mean deviation over the settings, and which scores exclude a reading.
+    """
+    limit = published.criterion("random_start", criteria)
+    alone = multiverse[multiverse["settings"] != TOGETHER]
+    deviation = alone[alone["score"] == MEAN_DEVIATION].groupby("start")["p"].agg(["min", "max"])
+    whole, drawn = deviation.loc[WHOLE, "max"], deviation.loc[[*READINGS], "max"].max()
+    compared = (whole, drawn) if max(whole, drawn) >= limit else (np.nan, np.nan)
+    ends = {
+        start: " to ".join(dict.fromkeys(f"{p:.1g}" for p in deviation.loc[start]))
+        for start in STARTS
+    }
+    words = [
+        f"{reading} p = {ends[start]}, excluded by {name_exclusions(multiverse, start, limit)}"
+        for start, reading in READINGS.items()
+    ]
+    of_start = alone.groupby("start")["settings"].nunique()
+    return published.decide("random_start", compared, criteria), (
+        f"mean deviation, the start drawn {'; '.join(words)}; whole record p = {ends[WHOLE]}. Drawn under "
+        f"{of_start[[*READINGS]].max()} of the {of_start[WHOLE]} settings"
+    )
+
+
+class Start(NamedTuple):
+    """What our tables with one start say of the printed one."""
+
+    tables: int
+    settings: int
+    inside: list[float]  # of ten means, by settings, together and alone
+    means: Rejections
+    sds: Rejections
+    excluded_by: str
+    above: int  # printed means above our medians
+    reaching: int  # our tables whose mean deviation is the printed one or higher
+
+
+def describe_start(realisations: pd.DataFrame, multiverse: pd.DataFrame, start: str) -> Start:
+    """Gather what is said of a start, from `table2.read_realisations` and `make_multiverse` of them."""
+    (ours, *_), printed = _together(realisations, start), printed_table()
+    chosen = multiverse[(multiverse["start"] == start) & (multiverse["numbers"] == "means")]
+    return Start(
+        tables=ours.shape[1],
+        settings=chosen["settings"].nunique() - 1,
+        inside=chosen["inside"].dropna().tolist(),
+        means=count_rejections(multiverse, start, "means"),
+        sds=count_rejections(multiverse, start, "SDs"),
+        excluded_by=name_exclusions(multiverse, start, LEVEL),
+        above=int((printed.ratios > np.median(ours, axis=1, keepdims=True)).sum()),
+        reaching=int((ours.mean(axis=0) >= printed.ratios.mean()).sum()),
+    )
+
+
+def _together(realisations: pd.DataFrame, start: str) -> Tables:
+    parts = split_protocols(realisations)
+    return next(arrange_tables(part) for name, _, part in parts if name == start)
+
+
+def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, object]:
+    """What the report says of Table 2 as a whole, from `table2.read_realisations` and `make_multiverse` of them."""
+    ours, printed = _together(realisations, WHOLE), printed_table()
+    together = multiverse[(multiverse["start"] == WHOLE) & (multiverse["settings"] == TOGETHER)]
+    alarms = multiverse["false_alarms"].dropna()
+    return {
+        "starts": {
+            each: describe_start(realisations, multiverse, each) for each in (WHOLE, *DRAWN)
+        },
+        "p": together.set_index(["numbers", "score"])["p"].to_dict(),
+        "scores": len(SCORES_OF_MEANS),
+        "row10": float(printed.sds[9, 0]),
+        "row10_smallest": float(ours.sds[9].min()),
+        "row10_below": int((ours.sds[9] > printed.sds[9]).sum()),
+        "bias": 100 * (float(np.median(ours.ratios.mean(axis=0))) - 1),
+        "printed_bias": 100 * (float(printed.ratios.mean()) - 1),
+        "false_alarms": 100 * alarms.mean(),
+        "most_false_alarms": 100 * alarms.max(),
+    }

@@ -1,0 +1,205 @@
+"""The printed Table 2 is tested in all choices; a test holds its level, and a sentence follows its number."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import evidence, published, table2
+from replication.evidence import MEAN_DEVIATION, SCORES_OF_MEANS, SCORES_OF_SDS
+from replication.table2 import DRAWN, DRAWN_STARTS, NOTEBOOK, ROWS, SETTINGS, WHOLE
+
+
+@pytest.fixture(scope="module")
+def kept():
+    return table2.read_realisations()
+
+
+@pytest.fixture(scope="module")
+def multiverse():
+    return pd.read_csv(table2.ROOT / "results" / "table2_multiverse.csv")
+
+
+def make_tables(tables, *, shared=0.0, rows=10, seed=1):
+    """Numbers of tables, shape (rows, tables): an SD of 0.05 about 1 of each, and what its rows share."""
+    rng = np.random.default_rng(seed)
+    return 1 + 0.05 * rng.normal(size=(rows, tables)) + shared * rng.normal(size=tables)
+
+
+@pytest.mark.parametrize(("size", "k"), [(39, 1), (79, 2), (320, 8)])
+def test_the_prediction_interval_is_of_order_statistics(size, k):
+    numbers = np.random.default_rng(1).permutation(np.arange(1.0, size + 1))
+    assert evidence.prediction_interval(numbers) == (k, size + 1 - k)
+    assert 1 - 2 * k / (size + 1) >= 0.95 > 1 - 2 * (k + 1) / (size + 1)
+    assert evidence.prediction_interval(range(38)) == (-np.inf, np.inf)
+
+
+def test_numbers_inside_are_counted_and_too_few_tables_count_nothing():
+    ours = make_tables(39)
+    printed = np.median(ours, axis=1, keepdims=True)
+    printed[:3] = 2.0
+    assert evidence.count_inside(printed, ours) == 7
+    assert np.isnan(evidence.count_inside(printed, ours[:, :38]))
+
+
+def test_the_arranged_tables_are_those_of_the_realisations(kept):
+    ours = evidence.arrange_tables(kept[kept["protocol"] == NOTEBOOK.protocol])
+    third = kept.query("protocol == @NOTEBOOK.protocol and row == 3").sort_values("realisation")
+    theoretical = published.value("table2.row03.theoretical")
+    np.testing.assert_allclose(ours.ratios[2], third["mean_A_rps"] / theoretical)
+    np.testing.assert_array_equal(ours.sds[2], third["sd_A_rps"])
+    printed = evidence.printed_table()
+    assert printed.ratios[2, 0] == published.value("table2.row03.mean") / theoretical
+    assert printed.sds[9, 0] == published.value("table2.row10.sd")
+    assert {name: each.shape for name, each in printed.numbers().items()} == {
+        "means": (10, 1),
+        "SDs": (10, 1),
+        "SDs of rows 1 to 9": (9, 1),
+    }
+
+
+def test_the_scores_are_what_the_report_says():
+    e = np.exp
+    numbers = np.array([[e(0.0), e(1.0), e(2.0), e(3.0), e(4.0)]])
+    half = (np.quantile(np.arange(5), 0.84) - np.quantile(np.arange(5), 0.16)) / 2
+    squares = evidence.squared_logs(numbers)[0]
+    np.testing.assert_allclose(squares, ((np.arange(5) - 2) / half) ** 2)
+    p = np.minimum(1, 2 * np.array([1, 2, 3, 2, 1]) / 5)
+    np.testing.assert_allclose(evidence.rank_scores(numbers)[0], -2 * np.log(p))
+    ratios = np.array([[0.9, 1.2], [1.05, 1.0]])
+    deviation, largest = (SCORES_OF_MEANS[name] for name in (MEAN_DEVIATION, "largest error"))
+    np.testing.assert_allclose(deviation.of_tables(ratios), [-0.025, 0.1])
+    np.testing.assert_allclose(largest.of_tables(ratios), [0.1, 0.2])
+    logs = SCORES_OF_SDS["mean logarithm"].of_tables(np.exp(ratios))
+    np.testing.assert_allclose(logs, ratios.mean(axis=0))
+
+
+ALL_SCORES = {**SCORES_OF_MEANS, **SCORES_OF_SDS}
+
+
+@pytest.mark.parametrize("score", ALL_SCORES)
+def test_p_of_a_whole_table_is_its_rank_among_all(score):
+    numbers = make_tables(40, shared=0.1)
+    numbers[:, 0] = 3.0
+    p = evidence.p_values(ALL_SCORES[score], numbers, by_rows=False)
+    sides = 1 + ALL_SCORES[score].two_sided
+    assert p[0] == p.min() == sides / 40
+    assert sides == 2 or sorted(p * 40) == pytest.approx(range(1, 41))
+
+
+@pytest.mark.parametrize("score", ALL_SCORES)
+def test_p_by_rows_holds_its_level_where_rows_share_nothing_even_for_few_tables(score):
+    """Of 100 printed tables, each one more beside five of ours; ties of a largest error make it hold more."""
+    numbers = make_tables(6 * 100).reshape(10, 100, 6)
+    p = [evidence.p_values(ALL_SCORES[score], numbers[:, k], True)[0] for k in range(100)]
+    for level in (0.05, 0.5):
+        chance = 4 * np.sqrt(level * (1 - level) / 100)
+        assert level / 2 - chance < np.mean(np.array(p) < level) < level + chance
+
+
+def test_where_rows_share_a_start_recombined_tables_reject_true_ones_and_whole_tables_do_not():
+    numbers = make_tables(40, shared=0.1)
+    score = SCORES_OF_MEANS[MEAN_DEVIATION]
+    assert np.mean(evidence.p_values(score, numbers, by_rows=True) < 0.05) > 0.3
+    assert np.mean(evidence.p_values(score, numbers, by_rows=False) < 0.05) <= 0.05
+
+
+def test_the_committed_multiverse_is_made_of_the_committed_realisations(kept, multiverse):
+    made = evidence.make_multiverse(kept)
+    pd.testing.assert_frame_equal(made, multiverse, rtol=1e-5, check_dtype=False)
+
+
+def test_rows_that_share_settings_or_start_are_tested_by_whole_tables(multiverse):
+    tests = multiverse.dropna(subset="p")
+    by_tables = (tests["settings"] == evidence.TOGETHER) | (tests["start"] == "per table")
+    assert ((tests["by"] == "tables") == by_tables).all()
+    choices = multiverse[["start", "settings"]].drop_duplicates()
+    assert len(choices) == len(SETTINGS) + len(DRAWN_STARTS) + 1 + len(DRAWN)
+    assert len(multiverse) == len(choices) * (5 + 4 + 4)
+    assert (tests["p"] >= tests["least_p"] * 0.999).all()
+    assert tests["false_alarms"].mean() < 0.06
+
+
+def test_a_table_that_is_off_is_rejected_by_every_test(kept):
+    printed = evidence.printed_table()
+    off = evidence.Tables(1.3 * printed.ratios, 20 * printed.sds)
+    tests = evidence.make_multiverse(kept, off).dropna(subset="p")
+    assert (tests.loc[tests["start"] == WHOLE, "p"] < 0.05).all()
+
+
+# ------------------------------------------------------------------------------------------------- what is said
+
+
+def set_p(multiverse, start, p, scores=(MEAN_DEVIATION,)):
+    chosen = (multiverse["start"] == start) & multiverse["score"].isin(scores)
+    return multiverse.assign(p=multiverse["p"].mask(chosen, p))
+
+
+def test_a_random_start_is_decided_by_all_its_readings_and_by_ours_of_the_whole_record(multiverse):
+    likely = set_p(multiverse, "per row", 0.001)
+    excluded = set_p(set_p(likely, "per fit", 0.001), "per table", 0.001)
+    cases = [(set_p(excluded, WHOLE, 0.5), False), (set_p(excluded, WHOLE, 0.001), None)]
+    allowed = set_p(excluded, "per table", 0.2)
+    cases += [(set_p(allowed, WHOLE, 0.5), None), (set_p(allowed, WHOLE, 0.001), True)]
+    for table, holds in cases:
+        assert evidence.decide_random_start(table)[0] is holds
+    strict = evidence.decide_random_start(set_p(allowed, WHOLE, 0.5), {"random_start": 0.3})
+    assert strict[0] is False
+
+
+def test_what_excludes_a_reading_is_named_with_the_likely_reading_first(multiverse):
+    scores = [*SCORES_OF_MEANS, *SCORES_OF_SDS]
+    table = set_p(multiverse, "per row", 0.5, scores)
+    table = set_p(table, "per row", 0.001, ["largest error", "mean logarithm"])
+    sds = (table["start"] == "per row") & (table["numbers"] == "SDs") & (table["score"] == "ranks")
+    table = table.assign(p=table["p"].mask(sds, 0.001))
+    table = set_p(table, "per fit", 0.001, scores)
+    table = table.assign(least_p=table["least_p"].mask(table["start"] == "per table", 0.02))
+    _, words = evidence.decide_random_start(set_p(table, "per table", 0.02, scores))
+    likely, each_fit, once = words.partition("; whole record")[0].split("; ")
+    assert likely.startswith(
+        "mean deviation, the start drawn once a row, the likely reading p = 0.5,"
+    )
+    assert likely.endswith(
+        "excluded by the means' largest error, the SDs' ranks and mean logarithm"
+    )
+    assert each_fit.endswith("excluded by all 7 scores")
+    assert once.endswith("excluded by none, because so few tables give no p below 0.01")
+    assert words.endswith("Drawn under 2 of the 8 settings")
+    assert (
+        evidence.name_exclusions(set_p(table, WHOLE, 0.9, scores), WHOLE, 0.05)
+        == "none of 7 scores"
+    )
+
+
+def test_rejections_are_counted_of_the_tests_that_could_reject(multiverse):
+    table = set_p(multiverse, "per row", 0.5, SCORES_OF_MEANS)
+    table = set_p(table, "per row", 0.01, ["squares"])
+    counted = evidence.count_rejections(table, "per row", "means")
+    assert counted == evidence.Rejections(tests=12, rejected=3, smallest=0.01, largest=0.5)
+    together = (table["start"] == "per row") & (table["settings"] == evidence.TOGETHER)
+    few = table.assign(least_p=table["least_p"].mask(together, 0.1))
+    assert evidence.count_rejections(few, "per row", "means")[:2] == (8, 2)
+
+
+def test_the_smallest_sd_of_row_10_and_the_tables_that_lie_as_high_are_counted(
+    kept, multiverse, monkeypatch
+):
+    described = evidence.describe_multiverse(kept, multiverse)
+    of_row = kept[(kept["row"] == 10) & kept["protocol"].isin([each.protocol for each in SETTINGS])]
+    assert described["row10_smallest"] == of_row["sd_A_rps"].min()
+    assert described["row10_below"] == (of_row["sd_A_rps"] > 0.0194).sum()
+    ours = kept[
+        kept["protocol"].isin([each.protocol for each in DRAWN_STARTS[:2]]) & kept["row"].isin(ROWS)
+    ]
+    theoretical = ours["row"].map(dict(enumerate(published.column("Table 2", "theoretical"), 1)))
+    ratio = (ours["mean_A_rps"] / theoretical).groupby([ours["protocol"], ours["realisation"]])
+    printed = evidence.printed_table().ratios
+    row = described["starts"]["per row"]
+    assert row.tables == len(ratio)
+    assert row.reaching == (ratio.mean() >= printed.mean()).sum()
+    higher = evidence.Tables(2 * printed, evidence.printed_table().sds / 100)
+    monkeypatch.setattr(evidence, "printed_table", lambda: higher)
+    moved = evidence.describe_multiverse(kept, multiverse)
+    assert moved["starts"]["per row"].reaching == 0
+    assert moved["starts"]["per row"].above == 10
+    assert moved["printed_bias"] == pytest.approx(100 + 2 * described["printed_bias"])
