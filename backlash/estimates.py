@@ -42,7 +42,7 @@ class Estimate:
     amplitude_interval_rps: tuple[float, float] | None = None  # 95 %
     method: str = AMPLITUDE  # or "torque"
     chi_squared: float | None = None  # per compared number; about 1 where model and noise are right
-    # By the torque: stiffness K_s / J_l, damping ratio, the half as stiff part beyond the gap, load friction over
+    # By the torque: stiffness K_s / J_l, damping ratio, the soft part beyond the gap, load friction over
     # gravity, loss, gravity m g r / J_l, inertia ratio, motor inertia in the torque's unit, the torque's delay and
     # low-pass, the speed's lag; each with its SD.
     joint: dict[str, tuple[float, float]] | None = None

@@ -124,6 +124,21 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
     return State(state.g + 1, m, sigma, C, p_sigma, p_c)
 
 
+class Normals:
+    """The normal numbers of a seed, a generation after the other, drawn when they are asked for first."""
+
+    def __init__(self, seed: int, population: int, n: int):
+        self._source = np.random.RandomState(seed)
+        self._shape = (population, n)
+        self._drawn: list[FloatArray] = []
+
+    def of(self, g: int) -> FloatArray:
+        """Those of generation g, shape (population, n)."""
+        while len(self._drawn) <= g:
+            self._drawn.append(self._source.randn(*self._shape))
+        return self._drawn[g]
+
+
 class Generation(NamedTuple):
     """One generation: the distribution that it was drawn from, its members in the box, and their misfits."""
 
@@ -139,6 +154,7 @@ def generations(
     seed: int,
     population: int,
     eigen: Eigensolver = np.linalg.eigh,
+    normals: Normals | None = None,
 ) -> Iterator[Generation]:
     """Search from the middle of the box, with a quarter of it as standard deviations, a generation at a time.
 
@@ -154,6 +170,8 @@ def generations(
         Members lambda of a generation, at least 4.
     eigen : callable
         A seed's run depends on the signs that it gives the eigenvectors.
+    normals : Normals, optional
+        The seed's own, where several runs share them.
 
     Yields
     ------
@@ -171,17 +189,18 @@ def generations(
     if population < 4 or seed <= 0:
         raise ValueError(f"population {population}, seed {seed}: at least 4 and 1 are needed")
     n, unit = width.size, width / 4
-    normals = np.random.RandomState(seed)
+    normals = normals or Normals(seed, population, n)
     c = constants(population, n)
     C = np.diag(np.exp(1e-4 * np.arange(n) / n))  # nearly the identity, with an order
     m = from_box((box.lower + box.upper) / 2, box) / unit
     state = State(0, m, 1.0, C, np.zeros(n), np.zeros(n))
+    bounds = (*box, *margins(box))
     while True:
         squares, B = eigen((state.C + state.C.T) / 2)
         D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))  # rounding may leave a square below 0
-        y = normals.randn(population, n) @ (B * D).T
+        y = normals.of(state.g) @ (B * D).T
         x = state.m + state.sigma * y  # equation 12
-        members = into_box(x * unit, box)
+        members = _into_box(x * unit, *bounds)
         costs = misfits(members)
         if costs.shape != (population,) or not np.isfinite(costs).all():
             raise ValueError(f"generation {state.g + 1}: each member needs one finite misfit")
@@ -214,7 +233,7 @@ def search(steps: Iterator[Generation], iterations: int) -> Search:
             best = Search(now.members[k], float(now.misfits[k]), 0)
         population, n = now.members.shape
         recent = history[-10 - 30 * n // population :]
-        alike = len(recent) >= 10 and np.ptp(recent) < 1e-11
+        alike = len(recent) >= 10 and max(recent) - min(recent) < 1e-11
         if alike or now.D[-1] > 1e7 * now.D[0] or len(history) >= iterations:
             break
     return best._replace(generations=len(history))

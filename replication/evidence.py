@@ -295,6 +295,7 @@ class Start(NamedTuple):
     inside: list[float]  # of ten means, by settings, together and alone
     means: Rejections
     sds: Rejections
+    sds_without_row_10: Rejections
     excluded_by: str
     above: int  # printed means above our medians
     reaching: int  # our tables whose mean deviation is the printed one or higher
@@ -310,6 +311,7 @@ def describe_start(realisations: pd.DataFrame, multiverse: pd.DataFrame, start: 
         inside=chosen["inside"].dropna().tolist(),
         means=count_rejections(multiverse, start, "means"),
         sds=count_rejections(multiverse, start, "SDs"),
+        sds_without_row_10=count_rejections(multiverse, start, "SDs of rows 1 to 9"),
         excluded_by=name_exclusions(multiverse, start, LEVEL),
         above=int((printed.ratios > np.median(ours, axis=1, keepdims=True)).sum()),
         reaching=int((ours.mean(axis=0) >= printed.ratios.mean()).sum()),

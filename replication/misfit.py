@@ -25,9 +25,9 @@ class FoldedRecord(NamedTuple):
     power: float  # sum of (v - mean)^2
     half: int  # samples of T_d
     turn: int  # and of T_f
-    value: FloatArray  # v - mean in the positive windows, less that in the negative ones
-    sign: FloatArray  # number of positive windows that have this sample in the record, less that of negative ones
-    both: FloatArray  # number of windows of either sign that have it
+    signed_sum: FloatArray  # v - mean in the positive windows, less that in the negative ones
+    signed_count: FloatArray  # of positive windows that have this sample in the record, less that of negative ones
+    both_count: FloatArray  # of windows of either sign that have it
     in_turn: FloatArray  # windows in which a long oscillation meets its own turn's other one
     in_next: FloatArray  # and the next turn's first one
 
@@ -54,36 +54,39 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
         power=float(np.sum((v - mean) ** 2)),
         half=half,
         turn=turn,
-        value=positive[0] - negative[0],
-        sign=positive[1] - negative[1],
-        both=positive[1] + negative[1],
+        signed_sum=positive[0] - negative[0],
+        signed_count=positive[1] - negative[1],
+        both_count=positive[1] + negative[1],
         in_turn=positive[1],
         in_next=np.minimum(negative[1], timing.n - 1),
     )
 
 
 @njit
-def sum_windows(X, record, buffer):
-    """Sums of w^2, w (v - mean) and w over a record, with w the signature of A = 1."""
-    _, t0, tau, omega, _, T2, T1 = X
-    start = (t0 - record.t0) / record.dt
-    first = max(int(np.ceil(start + T1 / record.dt)), 0)
-    last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
-    # u is one window; all others are its copies.
-    u = buffer[: max(last + 1 - first, 0)]
-    fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
-    value, both, sign = record.value[first:], record.both[first:], record.sign[first:]
-    square = product = total = 0.0
-    for k in range(u.size):
-        square += both[k] * u[k] ** 2
-        product += value[k] * u[k]
-        total += sign[k] * u[k]
-    # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
-    for k in range(record.half, u.size):
-        square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
-    for k in range(record.turn - record.half, u.size):
-        square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
-    return square, product, total
+def sum_windows(members, record):
+    """Sums of w^2, w (v - mean) and w over a record, with w the signature of A = 1; shape (3, members)."""
+    sums = np.empty((3, len(members)))
+    buffer = np.empty(record.size)
+    for p in range(len(members)):
+        _, t0, tau, omega, _, T2, T1 = members[p]
+        start = (t0 - record.t0) / record.dt
+        first = max(int(np.ceil(start + T1 / record.dt)), 0)
+        last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
+        # u is one window; all others are its copies.
+        u = buffer[: max(last + 1 - first, 0)]
+        fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
+        square = product = total = 0.0
+        for k in range(u.size):
+            square += record.both_count[first + k] * u[k] ** 2
+            product += record.signed_sum[first + k] * u[k]
+            total += record.signed_count[first + k] * u[k]
+        # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
+        for k in range(record.half, u.size):
+            square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
+        for k in range(record.turn - record.half, u.size):
+            square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
+        sums[0, p], sums[1, p], sums[2, p] = square, product, total
+    return sums
 
 
 @njit
@@ -107,16 +110,12 @@ def fill_oscillation(u, since, T1, tau, omega, dt):
 @njit
 def population_rmse(members, record):
     """Misfits of members, shape (members, 7) in the order of `Parameters`, in the unit of v."""
-    misfits = np.empty(len(members))
-    buffer = np.empty(record.size)
-    for p in range(len(members)):
-        square, product, total = sum_windows(members[p], record, buffer)
-        A, level = members[p, 0], members[p, 4] - record.mean
-        # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A w.
-        squares = record.power + record.size * level**2
-        squares += A**2 * square - 2 * A * (product - level * total)
-        misfits[p] = np.sqrt(max(squares, 0.0) / record.size)
-    return misfits
+    square, product, total = sum_windows(members, record)
+    A, level = members[:, 0], members[:, 4] - record.mean
+    # The sum of (r - h)^2 with r = v - v_t (equation 11) and h = A w.
+    squares = record.power + record.size * level**2
+    squares += A**2 * square - 2 * A * (product - level * total)
+    return np.sqrt(np.maximum(squares, 0.0) / record.size)
 
 
 # Columns of t0, tau, omega, T2 and T1 among `Parameters`: what a projection leaves.
@@ -131,20 +130,17 @@ def project(shapes, record, largest_A):
     A w + v_t, with w as in `sum_windows`, is linear in both, so least squares gives v_t = mean v - A mean w and
     A = sum((w - mean w) (v - mean v)) / sum((w - mean w)^2). A is held within plus and minus `largest_A`, v_t is free.
     """
-    members, misfits = np.zeros((len(shapes), 7)), np.empty(len(shapes))
-    buffer = np.empty(record.size)
-    for p in range(len(shapes)):
-        for i in range(len(PROJECTED)):
-            members[p, PROJECTED[i]] = shapes[p, i]
-        square, product, total = sum_windows(members[p], record, buffer)
-        about_mean = square - total**2 / record.size  # sum of (w - mean w)^2
-        A = product / about_mean if about_mean > 1e-9 * square else 0.0
-        A = min(max(A, -largest_A), largest_A)
-        members[p, 0] = A
-        members[p, 4] = record.mean - A * total / record.size
-        squares = record.power - 2 * A * product + A**2 * about_mean
-        misfits[p] = np.sqrt(max(squares, 0.0) / record.size)
-    return members, misfits
+    members = np.zeros((len(shapes), 7))
+    for i in range(len(PROJECTED)):
+        members[:, PROJECTED[i]] = shapes[:, i]
+    square, product, total = sum_windows(members, record)
+    about_mean = square - total**2 / record.size  # sum of (w - mean w)^2
+    A = np.where(about_mean > 1e-9 * square, product / about_mean, 0.0)
+    A = np.minimum(np.maximum(A, -largest_A), largest_A)
+    members[:, 0] = A
+    members[:, 4] = record.mean - A * total / record.size
+    squares = record.power - 2 * A * product + A**2 * about_mean
+    return members, np.sqrt(np.maximum(squares, 0.0) / record.size)
 
 
 def cost(t: FloatArray, v: FloatArray, timing: Timing) -> Callable[[FloatArray], FloatArray]:

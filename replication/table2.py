@@ -16,7 +16,7 @@ from scipy import optimize
 from scipy.special import stdtrit
 
 from replication import published
-from replication.cmaes import Eigensolver, generations, search
+from replication.cmaes import Eigensolver, Normals, generations, search
 from replication.files import ROOT, write_csv
 from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import (
@@ -117,7 +117,11 @@ def search_box(recording: Recording, settings: SearchSettings) -> Box:
 
 
 def fit(
-    recording: Recording, settings: SearchSettings, seed: int, eigen: Eigensolver = np.linalg.eigh
+    recording: Recording,
+    settings: SearchSettings,
+    seed: int,
+    eigen: Eigensolver = np.linalg.eigh,
+    normals: Normals | None = None,
 ) -> Fit:
     """Fit the signature to a record as the paper does: equations 7 and 11 by equations 12 to 17.
 
@@ -128,7 +132,7 @@ def fit(
     settings : SearchSettings
     seed : int
         Of the run, above 0.
-    eigen : callable
+    eigen, normals
         See `cmaes.generations`.
 
     Raises
@@ -144,6 +148,7 @@ def fit(
         seed,
         settings.population,
         eigen,
+        normals,
     )
     run = search(steps, settings.iterations)
     X = Parameters(*run.best.tolist())
@@ -268,6 +273,12 @@ def table2_records(realisations: Iterable[int]) -> list[tuple[dict, Recording]]:
     ]
 
 
+def fit_each(recordings: Iterable[Recording], settings: SearchSettings, seed: int) -> list[Fit]:
+    """Fit every record with one seed, whose normal numbers are drawn once."""
+    normals = Normals(seed, settings.population, len(Parameters._fields))
+    return [fit(recording, settings, seed, normals=normals) for recording in recordings]
+
+
 def repeated_fits(
     records: Sequence[tuple[dict, Recording]], settings: SearchSettings, seeds: Iterable[int]
 ) -> pd.DataFrame:
@@ -283,14 +294,19 @@ def repeated_fits(
     DataFrame
         A row a run: the record's entries, `seed`, the free parameters, `rmse_rps`, `generations`.
     """
-    plan = [(key, record, seed) for key, record in records for seed in seeds]
-    fits = Parallel(n_jobs=-1)(delayed(fit)(record, settings, seed) for _, record, seed in plan)
+    seeds = list(seeds)
+    recordings = [record for _, record in records]
+    fits_of_seeds = Parallel(n_jobs=-1)(
+        delayed(fit_each)(recordings, settings, seed) for seed in seeds
+    )
+    plan = [(key, seed) for key, _ in records for seed in seeds]
+    fits = [each for of_record in zip(*fits_of_seeds, strict=True) for each in of_record]
     rows = [
         key
         | {"seed": seed}
         | dict(zip(PARAMETER_COLUMNS, each.X, strict=True))
         | {"rmse_rps": each.rmse, "generations": each.generations}
-        for (key, _, seed), each in zip(plan, fits, strict=True)
+        for (key, seed), each in zip(plan, fits, strict=True)
     ]
     return pd.DataFrame(rows)
 

@@ -65,7 +65,7 @@ def write_p(p: float) -> str:
 def write_rejections(tests: evidence.Rejections) -> str:
     """Write how many tests reject: "none of 36 tests"."""
     if tests.tests == 0:
-        return "none, because so few tables can reject nothing"
+        return "none (too few tables) of 0 tests"
     number = {0: "none", tests.tests: "all"}.get(tests.rejected, tests.rejected)
     return f"{number} of {tests.tests} tests"
 

@@ -45,7 +45,7 @@ TABLE = (
     Unknown(
         *("soft_mrad", "mrad", "e, the soft part beyond the gap", 0.0, 0.2, 0.2, 0.015),
         printed="soft_mrad",
-        error=0.08,
+        error=0.12,
     ),
     Unknown("soft_share", "1", "s, stiffness of the soft part over the spring's", 0.55, 0.12, 0.1),
     Unknown("drag", "1", "d, share of the damping that acts in the gap, too", 0.0, 0.3, 0.2, 0.03),
@@ -87,7 +87,7 @@ TABLE = (
     Unknown(
         *("filter_ms", "ms", "low-pass of the torque's log", 0.0, 3.0, 2.0, 0.3),
         printed="torque_filter_ms",
-        error=0.5,
+        error=1.0,
     ),
 )
 

@@ -151,8 +151,8 @@ workbook.show(
 # No model of the drive is needed: the measured motor angle $\theta_m$ [rad] drives the load. Its
 # angle $\theta_l$ [rad] moves by
 #
-# $$J_l\, \ddot\theta_l = \tau_l - m g r \left[\sin\theta_l + s\,\text{sign}(\dot\theta_l)\right], \qquad
-# \tau_l = K_s\, p_\delta\!\left(\frac{\theta_m}{N} - \theta_l\right) + \text{damping}$$
+# $$\begin{aligned} J_l\, \ddot\theta_l &= \tau_l - m g r \left[\sin\theta_l + s\,\text{sign}(\dot\theta_l)\right] \\
+# \tau_l &= K_s\, p_\delta\!\left(\frac{\theta_m}{N} - \theta_l\right) + \text{damping} \end{aligned}$$
 #
 # with the inertia $J_l$ [kg m²], gravity $m g r$ [N m], friction $s$ over gravity, stiffness $K_s$ [N
 # m/rad], and $p_\delta$ [rad], what the displacement exceeds $\pm\delta$ by. This gives the torque

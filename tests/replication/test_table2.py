@@ -38,6 +38,18 @@ def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(
     assert opening % 1 == pytest.approx(0.5) or best.X.T1 == 0
 
 
+def test_records_fitted_with_one_seed_are_fitted_as_each_alone():
+    records = [make_record(), make_record(TRUE._replace(A=-0.3))]
+    settings = replace(table2.NOTEBOOK, population=20, iterations=30)
+    together = table2.fit_each(records, settings, 7)
+    assert together == [table2.fit(record, settings, 7) for record in records]
+    runs = table2.repeated_fits(
+        [({"row": 1}, records[0]), ({"row": 2}, records[1])], settings, [7, 8]
+    )
+    assert runs["A_rps"].tolist()[::2] == [fit.X.A for fit in together]
+    assert runs[["row", "seed"]].to_numpy().tolist() == [[1, 7], [1, 8], [2, 7], [2, 8]]
+
+
 # Ten runs of CMA-ES end 3, 7 and 0 % above.
 @pytest.mark.parametrize(
     ("seed", "least_rps"), [(0, 0.07482617), (4, 0.07783660), (11, 0.09993275)]

@@ -1,5 +1,7 @@
 """The book in a real browser: report and notebooks, at two widths, light and dark, without a network."""
 
+import fcntl
+import os
 import subprocess
 import sys
 
@@ -16,11 +18,17 @@ DRAWN = "[...document.images].every(image => image.complete && image.naturalWidt
 
 @pytest.fixture(scope="module")
 def book(tmp_path_factory):
-    """The book, made anew; a broken link fails."""
-    folder = tmp_path_factory.mktemp("book")
+    """The book, made anew by the first of the workers that asks for it; a broken link fails."""
+    folder = tmp_path_factory.getbasetemp()
+    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "book"
     options = ["--quiet", "--fail-on-warning", "--conf-dir", "workbook"]
     options += ["--doctree-dir", str(folder / "doctrees"), ".", str(folder / "html")]
-    subprocess.run([sys.executable, "-m", "sphinx", *options], cwd=ROOT, check=True)
+    folder.mkdir(exist_ok=True)
+    with (folder / "made").open("a") as made:
+        fcntl.flock(made, fcntl.LOCK_EX)
+        if not (folder / "made").stat().st_size:
+            subprocess.run([sys.executable, "-m", "sphinx", *options], cwd=ROOT, check=True)
+            made.write("made\n")
     return folder / "html"
 
 

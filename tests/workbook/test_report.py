@@ -110,15 +110,15 @@ def test_what_rejects_a_start_is_counted_in_its_sentence(facts):
     said = render_evidence(facts, "whole record", means=some)
     assert "rejected by 5 of 12 tests (8 settings" in said
     assert "p from below 0.001 to 0.2)" in said
-    assert "*For each fit*: rejected by none of 12 tests" in render_evidence(
-        facts, "per fit", means=some._replace(rejected=0)
-    )
+    said = render_evidence(facts, "per fit", excluded_by="all 7 scores", sds=some)
+    assert "*For each fit*: excluded by all 7 scores." in said
+    assert "and\n  5 of 12 tests; per table" in said
     said = render_evidence(facts, "per table", means=some._replace(rejected=12), reaching=3)
-    assert "*Once for the table*: by all of 12 tests; 3 of" in said
+    assert "*Once for the table*: all of 12 tests of the means reject it, " in said
+    assert "Of the tables with one start 3 of" in said
     few = some._replace(tests=0, rejected=0)
-    assert "by none, because so few tables can reject nothing" in render_evidence(
-        facts, "per table", means=few
-    )
+    said = render_evidence(facts, "per table", means=few)
+    assert "*Once for the table*: none (too few tables) of 0 tests of the means" in said
     said = render_evidence(facts, "per row", inside=[8.0, 9.0], above=4, excluded_by="no score")
     assert (
         "8 to 9 of 10 means lie in our intervals, 4 above our medians; excluded by no score" in said
@@ -131,6 +131,8 @@ def test_the_score_decides_the_sds_only_where_scores_differ(facts):
         sds = tests._replace(rejected=rejected)
         said = render_evidence(facts, "whole record", sds=sds)
         assert ("SDs: the score decides" in said) == decides
+    said = render_evidence(facts, "whole record", sds_without_row_10=tests._replace(rejected=1))
+    assert f"those of rows 1\n  to 9 by 1 of {tests.tests} tests" in said
     p = facts["evidence"]["p"] | {("SDs", "squares"): 0.77}
     assert "p = 0.77 by squares" in render_evidence(facts, p=p)
     said = render_evidence(facts, row10_below=300, row10_smallest=0.0123)
