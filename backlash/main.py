@@ -8,6 +8,7 @@ import traceback
 import warnings
 from pathlib import Path
 
+from backlash.example import write_example
 from backlash.options import Exit, parser
 from backlash.refusals import Refusal, one_line
 from replication import pinned_environment
@@ -32,6 +33,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)
+            if options.command == "example":
+                print(f"Its backlash is 0.8 mrad. Now ask for it:\n{write_example()}")
+                return Exit.DONE
             from backlash.commands import run  # what only a right command needs
 
             status = run(options)
