@@ -44,7 +44,7 @@ book: .venv/.installed  ## the report and the notebooks as a book with a search:
 	$(PY) -m sphinx --quiet --jobs 2 --conf-dir workbook --doctree-dir .make/doctrees . .make/book
 	rm -rf results/book && cp -r .make/book results/book
 
-bench: .venv/.studies  ## time what was made fast against a direct arm, into results/bench.csv
+bench: .venv/.studies  ## time what was made fast against a direct arm, and the search's peers
 	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
 
 studies: .venv/.studies  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)

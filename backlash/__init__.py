@@ -11,7 +11,7 @@ With time [s], motor speed and motor torque as arrays, or a table, or a log file
 
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 _MODULE_OF = {
     "Estimate": "answer",
     "Log": "reading.prepare",

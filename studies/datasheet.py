@@ -5,6 +5,7 @@ page notebooks/datasheet.md.
 """
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -58,10 +59,11 @@ FAULTS = {
 LOGS_OF_A_FAULT = 12
 
 
-def measure_all() -> DataFrame:
-    """Ask the sensor about every population, a row a log."""
-    calls = [(name, number) for name, (*_, logs) in TURNS.items() for number in range(logs)]
-    calls += [(name, number) for name in FAULTS for number in range(LOGS_OF_A_FAULT)]
+def measure_all(populations: Iterable[str] = (*TURNS, *FAULTS)) -> DataFrame:
+    """Ask the sensor about every population, or some, a row a log."""
+    logs = {name: logs for name, (*_, logs) in TURNS.items()}
+    logs |= dict.fromkeys(FAULTS, LOGS_OF_A_FAULT)
+    calls = [(name, number) for name in populations for number in range(logs[name])]
     return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
 
 

@@ -20,12 +20,12 @@ ALPHAS = (1e6, 1e5, 1e4, 1e3)
 DAMPING_RATIO = 0.05  # of the joint whose torque steps
 
 
-def refit_alphas() -> pd.DataFrame:
-    """Identify the joint anew at each of `ALPHAS`: misfit, misfit with the joint's own ratios, new ratios."""
+def refit_alphas(softest: float = ALPHAS[-1]) -> pd.DataFrame:
+    """Identify the joint anew at each of `ALPHAS` down to one: misfit, that with the joint's own ratios, new ratios."""
     records = load_clean_records(FIT_LEVELS)
     last = identified_joint()
     rows = []
-    for alpha in ALPHAS:
+    for alpha in ALPHAS[: ALPHAS.index(softest) + 1]:
         # With a soft edge the misfit has several minima: two starts, the better fit counts.
         starts = [joint._replace(alpha=alpha) for joint in (identified_joint(), last)]
         fit = min((identify_joint(records, start) for start in starts), key=attrgetter("nrmse"))

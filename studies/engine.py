@@ -396,12 +396,13 @@ def measure_all() -> DataFrame:
     """The paper's joint at each step, then what the sensor says of each log, a row a log."""
     calls = [(population, number) for population, logs in LOGS.items() for number in range(logs)]
     asked = Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls)
-    twins = [
-        {"population": TWIN, "number": k, "delta_rad": TWIN_DELTA_RAD}
-        | {"step_s": step_s, "nrmse": measure_twin(step_s)}
-        for k, step_s in enumerate(TWIN_STEPS_S)
-    ]
-    return DataFrame([*twins, *asked])
+    return DataFrame([*map(measure_step, range(len(TWIN_STEPS_S))), *asked])
+
+
+def measure_step(number: int) -> dict[str, object]:
+    """The paper's joint at one of `TWIN_STEPS_S`."""
+    of_step = {"step_s": TWIN_STEPS_S[number], "nrmse": measure_twin(TWIN_STEPS_S[number])}
+    return {"population": TWIN, "number": number, "delta_rad": TWIN_DELTA_RAD} | of_step
 
 
 def compare_arms(rows: DataFrame) -> DataFrame:

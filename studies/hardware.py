@@ -18,22 +18,11 @@ from backlash.estimates import Estimate, estimate
 from replication.joint import TURN
 from replication.records import public_file
 from replication.signature import FloatArray
-from studies.simulated_joints import (
-    CONTROL_S,
-    Fault,
-    draw_joint,
-    follow_path,
-    log_turns,
-    run_turns,
-    with_load,
-)
 
 _SMOOTHING_S = 0.02  # of the speed that a rigid load follows
 _REST_RAD_S = 0.02
 _ASSUMED_GRAVITY = 10.0  # 1/s^2, given of a load without any
 _LEAST_VARIANCE = 0.04  # of a sign: below, it hardly changes
-_TWINS = 57  # seed
-_TWIN_RAD = 1e-3  # their backlash
 _BLOCK_S = 0.5  # within which residuals are not independent
 
 
@@ -155,69 +144,18 @@ def longest_way(log: JointLog) -> float:
     return float(max(np.ptp(way) for way in ways) / TURN)
 
 
-def ask_twins(log: JointLog, row: Mapping[str, Any], delta_rad: float, seed: int) -> pd.Series:
-    """Ask about simulated joints with the load, friction and loss of a log's, and a backlash.
-
-    One makes the log's own movement; it should be refused as the log is. The other turns round twelve times, and should
-    be answered. Stiffness, damping and drive are drawn. The friction is that of motor and load together, half of each.
-    """
-    rng = np.random.default_rng((_TWINS, seed))
-    rigid = fit_rigid_load(log)
-    loss, half = max(rigid["loss"], 0.0), max(rigid["friction"], 0.0) / 2
-    joint = draw_joint(rng, delta_rad, TURN / 1.5, 100.0, half, loss)
-    joint = joint._replace(motor_friction=half * joint.gravity)
-    joint = with_load(joint, row["gravity_per_s2"], row["inertia_ratio"])
-    periods = np.arange(log.t[0], log.t[-1], CONTROL_S)
-    speed = np.interp(periods, log.t, log.speed)
-    start = log.angle[0] - rigid["zero"]
-    seen = follow_path(joint, Fault(), start, speed)
-    sampled = np.array([np.interp(log.t, periods, each) for each in seen.T])
-    angle = start + np.append(0, np.cumsum(sampled[0, 1:] * np.diff(log.t)))
-    same = answer(JointLog(log.t, angle, *sampled), row)
-    turning = log_turns(rng, joint, 1.0, Fault(), run_turns(joint, Fault()))
-    other = estimate(
-        turning.t,
-        turning.v,
-        torque=turning.torque,
-        unit="rps",
-        gear_ratio=1,
-        inertia_ratio=turning.inertia_ratio,
-        gravity_per_s2=turning.gravity_per_s2,
-    )
-    low, high = other.backlash_interval_rad or (np.nan, np.nan)
-    return pd.Series(
-        {
-            "same movement": same.reason or same.verdict,
-            "turning": other.reason or other.verdict,
-            "delta": delta_rad,
-            "low": low,
-            "high": high,
-        }
-    )
-
-
 def measure_all() -> pd.DataFrame:
     """What the sensor says of every log, how far it moves one way, and what a rigid load leaves of its torque."""
-    rows = []
-    for name, row in list_logs().iterrows():
-        log = load_log(row)
-        told = answer(log, row)
-        rows.append(
-            {"log": name, "verdict": told.verdict, "reason": told.reason, "way": longest_way(log)}
-            | fit_rigid_load(log).to_dict()
-        )
-    return pd.DataFrame(rows)
+    return pd.DataFrame([measure_log(str(name)) for name in list_logs().index])
 
 
-def measure_twins() -> pd.DataFrame:
-    """What the sensor says of twins of each log whose gravity is known and whose loss is sure."""
-    rows = []
-    for name, row in list_logs().iterrows():
-        log = load_log(row)
-        rigid = fit_rigid_load(log)
-        if row["gravity_per_s2"] and rigid["loss"] > 3 * rigid["loss_sd"] and rigid["left"] < 0.1:
-            rows.append(ask_twins(log, row, _TWIN_RAD, 0).rename(name))
-    return pd.DataFrame(rows).rename_axis("log").reset_index()
+def measure_log(name: str) -> dict[str, Any]:
+    """What the sensor says of a log, by its name: a row of `measure_all`."""
+    row = list_logs().loc[name]
+    log = load_log(row)
+    told = answer(log, row)
+    about = {"log": name, "verdict": told.verdict, "reason": told.reason, "way": longest_way(log)}
+    return about | fit_rigid_load(log).to_dict()
 
 
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:

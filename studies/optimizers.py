@@ -238,10 +238,10 @@ def planned_runs() -> list[tuple[str, int, int, int]]:
 
 def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
     """Run methods on the authors' records, a row a run: what `results/optimizers.csv` holds."""
-    return DataFrame(Parallel(n_jobs=-1)(delayed(_run_on_authors_record)(*job) for job in jobs))
+    return DataFrame(Parallel(n_jobs=-1)(delayed(run_on_authors_record)(*job) for job in jobs))
 
 
-def _run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
+def run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
     """Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
     recording = load_noisy(level, realisation)
     best = best_fit(recording).rmse

@@ -1,11 +1,13 @@
 """Speed as ratios, both arms in one run, and peers of the search: `make bench`.
 
-`results/bench.csv` compares with a direct way, `results/peers.csv` gives the time in which a search finds the best
+It prints how ours compares with a direct way; `results/peers.csv` gives the time in which a search finds the best
 minimum of a noisy record with 99 %, `results/notebook_times.csv` how long the notebooks took in `make all`.
 """
 
 import json
+import os
 from collections.abc import Callable
+from datetime import datetime
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -14,6 +16,7 @@ import cma
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
+from llvmlite import binding
 from scipy import optimize
 
 from replication import published, table2
@@ -79,7 +82,7 @@ def make_records() -> list[Recording]:
 
 
 def bench() -> pd.DataFrame:
-    """Measure the rows of `bench.csv`: ours, a reference, and the reference over ours."""
+    """Measure ours, a reference, and the reference over ours."""
     records = make_records()
     record, settings = records[4], NOTEBOOK
     box = table2.search_box(record, settings)
@@ -177,12 +180,15 @@ def collect_notebook_times() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["notebook", "seconds"])
 
 
+def of_now(table: pd.DataFrame) -> pd.DataFrame:
+    """Add the date and the machine that times are of."""
+    processor = f"{binding.get_host_cpu_name()}, {os.cpu_count()} cores"
+    return table.assign(date=f"{datetime.now():%Y-%m-%d}", machine=processor)
+
+
 if __name__ == "__main__":
-    for file, table in (
-        ("bench.csv", bench()),
-        ("peers.csv", compare_peers()),
-        ("notebook_times.csv", collect_notebook_times()),
-    ):
+    print(bench().to_string(index=False))
+    for name, table in (("peers", compare_peers()), ("notebook_times", collect_notebook_times())):
         if len(table):
-            write_csv(ROOT / "results" / file, table)
+            write_csv(ROOT / "results" / f"{name}.csv", of_now(table))
         print(table.to_string(index=False))

@@ -93,7 +93,7 @@ def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(
     assert "NUMBA_" in ended.stderr
 
 
-ASK = "import backlash.main, os; print({name: os.environ.get(name) for name in NAMES})"
+ASK = "import backlash.cli, os; print({name: os.environ.get(name) for name in NAMES})"
 
 
 @pytest.mark.parametrize("chosen", [{}, {"OPENBLAS_CORETYPE": "Prescott"}])

@@ -9,6 +9,7 @@ import warnings
 from pathlib import Path
 
 from backlash.cli.options import Exit, parser
+from backlash.example import write_example
 from backlash.refusals import Refusal, one_line
 from replication import pinned_environment
 from replication.files import UserError
@@ -32,6 +33,9 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             options = parser().parse_args(arguments)
+            if options.command == "example":
+                print(f"Its backlash is 0.8 mrad. Now ask for it:\n{write_example()}")
+                return Exit.DONE
             from backlash.cli.estimate_logs import run  # what only a right command needs
 
             status = run(options)

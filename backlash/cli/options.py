@@ -89,6 +89,7 @@ def parser() -> argparse.ArgumentParser:
     )
     for add in (_add_answers, _add_torque, _add_movement, _add_columns):
         add(estimate)
+    commands.add_parser("example", help="write example.csv, a log of a simulated joint, to try")
     return whole
 
 

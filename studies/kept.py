@@ -1,0 +1,104 @@
+"""The tables that `make all` does not make, each with the command that makes it; a row of one made again.
+
+`python -m studies.kept TABLE POSITION...` makes rows again, under the settings that the studies run under, and prints
+them as the table has them: behaviour decides whether a kept table is still what today's code makes.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from replication import pinned_environment
+from replication.files import ROOT, as_csv
+
+Row = dict[str, Any]
+
+
+class Kept(NamedTuple):
+    """What makes a table, and what makes one row of it again, from the values that say which row it is."""
+
+    command: str
+    remake: Callable[[Row], Row]
+    first: int = 0  # position of the row that each test run makes again
+
+
+def remake_realisation(row: Row) -> Row:
+    """Thirty runs of a row of Table 2 on one noise."""
+    from replication import table2
+
+    settings = {each.protocol: each for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
+    return table2.realise(settings[row["protocol"]], row["row"], row["realisation"])
+
+
+def remake_prediction(row: Row) -> Row:
+    """The runs of the prediction on one row of Table 2."""
+    from studies import prediction
+
+    return prediction.run_prediction([row["row"]]).iloc[0].to_dict()
+
+
+def remake_optimizer_run(row: Row) -> Row:
+    """One run of a search."""
+    from studies import optimizers
+
+    return optimizers.run_on_authors_record(
+        row["method"], row["level"], row["realisation"], row["seed"]
+    )
+
+
+def remake_alpha(row: Row) -> Row:
+    """The joint identified at the sharpest edge; at a softer one all sharper ones come before it."""
+    from studies import edge
+
+    return edge.refit_alphas(row["alpha"]).iloc[-1].to_dict()
+
+
+def remake_population(row: Row) -> Row:
+    """What the sensor says of all logs of a population of the datasheet."""
+    from studies import datasheet
+
+    return datasheet.summarise(datasheet.measure_all([row["population"]])).iloc[0].to_dict()
+
+
+def remake_hardware(row: Row) -> Row:
+    """What the sensor says of a log of a real joint."""
+    from studies import hardware
+
+    return hardware.measure_log(row["log"])
+
+
+def remake_engine_log(row: Row) -> Row:
+    """A run of the physics engine, and what the sensor says of it."""
+    from studies import engine
+
+    if row["population"] == engine.TWIN:
+        return engine.measure_step(row["number"])
+    return engine.measure_log(row["population"], row["number"])
+
+
+KEPT = {
+    "table2_realisations": Kept("make studies NAME=realisations", remake_realisation),
+    "table2_prediction": Kept("make studies NAME=prediction", remake_prediction),
+    "optimizers": Kept("make studies NAME=claims", remake_optimizer_run),
+    "alpha_refit": Kept("make studies NAME=claims", remake_alpha),
+    "datasheet": Kept("make studies NAME=datasheet", remake_population, -1),
+    "hardware": Kept("make studies NAME=hardware", remake_hardware),
+    "engine": Kept("make studies NAME=engine", remake_engine_log),
+}
+# Seconds: of a day and a machine, which the tables name.
+TIMED = {"peers": "make bench", "notebook_times": "make bench"}
+
+
+def remake(name: str, positions: list[int]) -> bytes:
+    """Make rows of a kept table again, as CSV."""
+    import pandas as pd
+
+    table = pd.read_csv(ROOT / "results" / f"{name}.csv")
+    rows = [KEPT[name].remake(table.iloc[position].to_dict()) for position in positions]
+    return as_csv(pd.DataFrame(rows).reindex(columns=table.columns))
+
+
+if __name__ == "__main__":
+    os.environ |= pinned_environment()
+    sys.stdout.buffer.write(remake(sys.argv[1], [*map(int, sys.argv[2:])]))

@@ -1,0 +1,59 @@
+"""The kept tables are what today's code makes: rows of each are made again, to the digit."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from replication.files import ROOT
+from studies.kept import KEPT, TIMED
+from workbook.outcomes import listed_exports, notebook_sources
+
+RESULTS = ROOT / "results"
+THERE = [name for name in KEPT if (RESULTS / f"{name}.csv").exists()]
+NEEDS = {"hardware": "hardware_logs", "engine": "mujoco"}  # others need the authors' files
+OF_REPORT = {"verdicts", "claims"}
+
+
+def made_again(name, positions):
+    """Rows of a kept table, and the same made again, as text."""
+    head, *kept = (RESULTS / f"{name}.csv").read_text("utf-8").splitlines()
+    command = [sys.executable, "-m", "studies.kept", name, *map(str, positions)]
+    made = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
+    return [head, *(kept[position] for position in positions)], made.stdout.splitlines()
+
+
+def check(name, positions):
+    kept, made = made_again(name, positions)
+    assert made == kept, f"{KEPT[name].command} makes results/{name}.csv again"
+
+
+@pytest.fixture
+def mujoco():
+    """The physics engine, which `make .venv/.studies` installs."""
+    pytest.importorskip("mujoco")
+
+
+@pytest.fixture
+def needed(request, name):
+    request.getfixturevalue(NEEDS.get(name, "authors_data"))
+
+
+def test_every_table_is_made_by_a_notebook_or_the_report_or_kept():
+    exports = {file for source in notebook_sources().values() for file in listed_exports(source)}
+    tables = {f"results/{file.name}" for file in RESULTS.glob("*.csv")}
+    kept = {f"results/{name}.csv" for name in (*KEPT, *TIMED, *OF_REPORT)}
+    assert tables - exports - kept == set()
+
+
+@pytest.mark.parametrize("name", THERE)
+def test_a_row_of_a_kept_table_made_again_is_the_kept_one(name, needed):
+    check(name, [KEPT[name].first])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", THERE)
+def test_ten_other_rows_of_a_kept_table_made_again_are_the_kept_ones(name, needed):
+    rows = len((RESULTS / f"{name}.csv").read_text("utf-8").splitlines()) - 1
+    check(name, [*np.unique(np.linspace(0, rows - 1, 11).astype(int))])
