@@ -61,6 +61,15 @@ def remake_population(row: Row) -> Row:
     return datasheet.summarise(datasheet.measure_all([row["population"]])).iloc[0].to_dict()
 
 
+def remake_noise_error(row: Row) -> Row:
+    """The error of one fit of some turns of a noisy record."""
+    from studies import claims
+
+    table = claims.kept_noise_errors([int(row["noise"])])
+    same = (table["delta_rad"].round(9) == row["delta_rad"]) & (table["turns"] == row["turns"])
+    return table[same].iloc[0].to_dict()
+
+
 def remake_hardware(row: Row) -> Row:
     """What the sensor says of a log of a real joint."""
     from studies import hardware
@@ -81,6 +90,7 @@ KEPT = {
     "table2_realisations": Kept("make studies NAME=realisations", remake_realisation),
     "table2_prediction": Kept("make studies NAME=prediction", remake_prediction),
     "optimizers": Kept("make studies NAME=claims", remake_optimizer_run),
+    "noise_by_turns": Kept("make studies NAME=claims", remake_noise_error),
     "alpha_refit": Kept("make studies NAME=claims", remake_alpha),
     "datasheet": Kept("make studies NAME=datasheet", remake_population, -1),
     "hardware": Kept("make studies NAME=hardware", remake_hardware),
