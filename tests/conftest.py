@@ -49,7 +49,6 @@ PORTABLE = (
     "tests/replication/test_identification.py::test_where_errors_are_linear",
     "tests/replication/test_identification.py::test_its_settled_peaks",
     "tests/backlash/test_torque_load.py::test_the_orbit",
-    "tests/backlash/test_torque_answer.py::test_the_answer_of_a_known_log",
     "tests/backlash/test_turns.py::test_harmonics",
     "tests/backlash/test_turns.py::test_the_period",
 )
