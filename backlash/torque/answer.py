@@ -8,7 +8,13 @@ from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque.load import Prediction, jacobian, predict
 from backlash.torque.problem import SETTINGS as COMPARED
-from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem
+from backlash.torque.problem import (
+    MeasuredTurn,
+    Problem,
+    measure_turn,
+    state_problem,
+    weigh_prior,
+)
 from backlash.torque.search import Candidate, hold_delta, search
 from backlash.torque.unknowns import (
     DELAY,
@@ -130,7 +136,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     """The unknowns' covariance, by the priors as they are above zero."""
     by, _ = jacobian(_predict_again(problem, best), problem.compared)
-    _, prior = problem.prior(best.theta, np.maximum(best.theta, 1e-9))
+    _, prior = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
     return np.asarray(np.linalg.inv(by.T @ by + prior.T @ prior))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from backlash.torque.load import Prediction, jacobian, predict, residuals
-from backlash.torque.problem import Problem
+from backlash.torque.problem import Problem, weigh_prior
 from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
 from backlash.turns import TURN
 from replication.signature import FloatArray
@@ -48,6 +48,8 @@ class SearchSettings:
 
 
 SETTINGS = SearchSettings()
+_MOST_SIDES = 12  # laws of the prior that are tried for a step
+_PER_STEP_2 = FIRST_STEP**-2.0
 
 
 class Candidate(NamedTuple):
@@ -85,7 +87,7 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
     """Joints of a grid: the best ring of each gap and friction, ranked; the best friction of each gap and ring."""
     s = SETTINGS
     rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
-    frictions = np.array(s.start_frictions) * min(rough.most_friction, 0.9)
+    frictions = np.array(s.start_frictions) * min(rough.prior.most_friction, 0.9)
     grid = [
         [[place(rough, delta, ring, friction) for friction in frictions] for ring in rings]
         for delta in s.starts_mrad
@@ -97,7 +99,7 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
 
 def place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> Candidate:
     """The usual joint but for these; its misfit is infinite where the load has no periodic orbit."""
-    theta = problem.mean.copy()
+    theta = problem.prior.mean.copy()
     theta[[DELTA, STIFFNESS, FRICTION]] = delta_mrad, ring, friction
     return evaluate(problem, theta)
 
@@ -169,7 +171,7 @@ def _visit(problem: Problem, theta: FloatArray, start: FloatArray | None) -> _Pl
 
 
 def _chi_squared(problem: Problem, theta: FloatArray, left: FloatArray) -> float:
-    distances, _ = problem.prior(theta, theta)
+    distances, _ = weigh_prior(theta, theta, problem.prior)
     return float(left @ left + distances @ distances)
 
 
@@ -196,7 +198,7 @@ def descend(
             normal, downhill = slopes.T @ slopes, slopes.T @ here.residuals
             if not np.isfinite(normal).all():  # two orbits part
                 break
-        step = _step(problem, here.theta, normal, downhill, damping, holds_delta)
+        step = _find_step(problem, here.theta, normal, downhill, damping, holds_delta)
         length = float(np.linalg.norm(step / FIRST_STEP))
         has_moved = False
         if trials == 0 and length > 1:
@@ -220,7 +222,7 @@ def descend(
     return Candidate(here.theta, here.predicted.start, here.chi2)
 
 
-def _step(
+def _find_step(
     problem: Problem,
     theta: FloatArray,
     normal: FloatArray,
@@ -228,19 +230,20 @@ def _step(
     damping: float,
     holds_delta: bool,
 ) -> FloatArray:
-    """A damped step of Gauss's and Newton's method, under the priors' law of the side of zero where it ends."""
-    first = 1 if holds_delta else 0
-    step = np.zeros(theta.size)
-    before = theta
-    for _ in range(12):
-        side = theta + step
-        if step.any() and problem.is_same_side(side, before):
+    """A damped step of Gauss's and Newton's method, under the prior's law of the side of zero where it ends."""
+    free = slice(1 if holds_delta else 0, None)
+    kinks = np.zeros((2, theta.size))
+    kinks[1, FRICTION] = problem.prior.most_friction
+    step, side = np.zeros(theta.size), theta
+    for _ in range(_MOST_SIDES):
+        distances, slopes = weigh_prior(theta, side, problem.prior)
+        matrix = normal + slopes.T @ slopes
+        matrix.flat[:: theta.size + 1] += damping * _PER_STEP_2
+        right = downhill + slopes.T @ distances
+        step[free] = np.linalg.solve(matrix[free, free], -right[free])
+        before, side = side, theta + step
+        if ((side > kinks) == (before > kinks)).all():
             break
-        distances, slopes = problem.prior(theta, side)
-        matrix = normal + slopes.T @ slopes + np.diag(damping / FIRST_STEP**2)
-        to_end = -(downhill + slopes.T @ distances)
-        step[first:] = np.linalg.solve(matrix[first:, first:], to_end[first:])
-        before = side
     return step
 
 
