@@ -19,6 +19,7 @@ harmonic's SD is that of both columns there, by the joint with its teeth in cont
 torque. The Jacobian by the unknowns is integrated with the load.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -60,11 +61,11 @@ class Comparison(NamedTuple):
 
     order: NDArray[np.int64]
     omega: FloatArray
-    speed: ComplexArray
     torque: ComplexArray
     speed_sd: FloatArray
-    torque_sd: FloatArray
-    model_error: FloatArray  # SD
+    own_variance: FloatArray  # of the torque's noise and of the model's error
+    per_ms: ComplexArray  # i omega over 1 ms
+    acceleration: ComplexArray  # i omega times the speed
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
     motion: FloatArray  # angle and acceleration in the middle of each step, each with its slope by the lag [ms]
@@ -95,11 +96,11 @@ def compare(
     return Comparison(
         order=speed.order[used],
         omega=speed.omega[used],
-        speed=speed.coefficient[used],
         torque=torque.coefficient[used],
         speed_sd=speed.sd[used],
-        torque_sd=torque.sd[used],
-        model_error=model_error * np.sqrt(power / 2)[used],
+        own_variance=(torque.sd**2 + model_error**2 * power / 2)[used],
+        per_ms=np.asarray(1e-3j * speed.omega[used], dtype=complex),
+        acceleration=(1j * speed.omega * speed.coefficient)[used],
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
         motion=motion,
@@ -264,6 +265,15 @@ def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
 # ------------------------------------------------------------------------------------------------------- the torque
 
 
+class Responses(NamedTuple):
+    """Responses at each harmonic: of the torque's log, of the speed's, and of the joint in contact."""
+
+    log: ComplexArray  # delay and low-pass
+    lag: ComplexArray
+    spring: ComplexArray  # K and its damper
+    carried: ComplexArray  # the load's torque over that of the motor's own inertia
+
+
 class Prediction(NamedTuple):
     """What a joint makes of the motor's motion: its periodic orbit, and the torque's harmonics with their SDs."""
 
@@ -271,7 +281,7 @@ class Prediction(NamedTuple):
     start: FloatArray  # x and x' where the turn begins
     forcing: FloatArray
     contact: FloatArray  # contact torque of each step
-    carried: ComplexArray  # harmonics of c and of |c|, shape (2, harmonics)
+    by: Responses
     torque: ComplexArray
     sd: FloatArray
 
@@ -284,53 +294,42 @@ def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -
     settling_turns = _SETTLING_TURNS if start is None else 0
     if not _close_orbit(theta, c.step_s, c.motion, forcing, settling_turns, begin, contact):
         return None
-    carried = carry(contact, c)
-    torque, sd = predict_torque(theta, c, carried)
-    return Prediction(theta, begin, forcing, contact, carried, torque, sd)
+    torque, sd, by = predict_torque(theta, c, contact)
+    return Prediction(theta, begin, forcing, contact, by, torque, sd)
 
 
-def carry(contact: FloatArray, c: Comparison) -> ComplexArray:
-    """Harmonics of the contact torque of a turn and of its size, smooth at zero, which the gear's loss goes with."""
-    return _at_harmonics(np.array([contact, np.sqrt(contact * contact + c.smoothing**2)]), c)
-
-
-def _at_harmonics(waves: FloatArray, c: Comparison) -> ComplexArray:
-    """The compared harmonics of waves, shape (waves, steps), as (waves, harmonics)."""
-    found: ComplexArray = np.fft.rfft(waves)[:, c.order] / c.mid_step
-    return found
-
-
-class _Responses(NamedTuple):
-    """Responses at each harmonic: of the torque's log, of the speed's, and of the joint in contact."""
-
-    log: ComplexArray  # delay and low-pass
-    lag: ComplexArray
-    spring: ComplexArray  # K and its damper
-    carried: ComplexArray  # torque of the load over that of the motor's own inertia
-
-
-def _respond(theta: FloatArray, c: Comparison) -> _Responses:
-    per_ms = 1e-3j * c.omega
-    log = np.exp(-theta[DELAY] * per_ms) / (1 + theta[FILTER] * per_ms)
-    K = np.exp(theta[STIFFNESS])
-    spring = K + 2j * np.exp(theta[DAMPING]) * np.sqrt(K) * c.omega
-    carried = np.exp(theta[RATIO]) * spring / (spring - c.omega**2)
-    return _Responses(log, 1 + theta[LAG] * per_ms, spring, carried)
+def respond(theta: FloatArray, c: Comparison) -> Responses:
+    """Find the responses of log and joint at each harmonic."""
+    delay, low_pass, lag = theta[[DELAY, FILTER, LAG]].tolist()
+    log = np.exp(-delay * c.per_ms) / (1 + low_pass * c.per_ms)
+    K, zeta, rho = np.exp(theta[[STIFFNESS, DAMPING, RATIO]]).tolist()
+    spring = K + 2e3 * zeta * math.sqrt(K) * c.per_ms
+    return Responses(log, 1 + lag * c.per_ms, spring, rho * spring / (spring - c.omega**2))
 
 
 def predict_torque(
-    theta: FloatArray, c: Comparison, carried: ComplexArray
-) -> tuple[ComplexArray, FloatArray]:
-    """The torque's harmonics by those of c and |c|, N J_m (a / N + rho (c + mu |c|)), late, and their SDs.
+    theta: FloatArray, c: Comparison, contact: FloatArray
+) -> tuple[ComplexArray, FloatArray, Responses]:
+    """The torque's harmonics by the contact torque, N J_m (a / N + rho (c + mu |c|)), late, with SDs and responses.
 
     An SD is that of the torque's noise, of the speed's, and of the model's error.
     """
-    by = _respond(theta, c)
-    contact = np.exp(theta[RATIO]) * (carried[0] + theta[LOSS] * carried[1])
-    response = np.exp(theta[INERTIA]) * by.log
-    torque = response * (1j * c.omega * by.lag * c.speed + contact)
-    noise = np.abs(response * by.lag * (1 + by.carried)) * c.omega * c.speed_sd
-    return torque, np.sqrt(noise**2 + c.torque_sd**2 + c.model_error**2)
+    by = respond(theta, c)
+    J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
+    carried = _at_harmonics(contact + theta[LOSS] * smooth_abs(contact, c), c)
+    torque = J * by.log * (by.lag * c.acceleration + rho * carried)
+    noise = J * np.abs(by.log * by.lag * (1 + by.carried)) * c.omega * c.speed_sd
+    return torque, np.sqrt(noise**2 + c.own_variance), by
+
+
+def smooth_abs(contact: FloatArray, c: Comparison) -> FloatArray:
+    """|c|, smooth where the torque crosses zero."""
+    return np.sqrt(contact * contact + c.smoothing**2)
+
+
+def _at_harmonics(waves: FloatArray, c: Comparison) -> ComplexArray:
+    """The compared harmonics of waves, shape (..., steps), as (..., harmonics)."""
+    return np.asarray(np.fft.rfft(waves)[..., c.order] / c.mid_step)
 
 
 def residuals(predicted: Prediction, c: Comparison) -> FloatArray:
@@ -342,47 +341,49 @@ def jacobian(predicted: Prediction, c: Comparison) -> tuple[FloatArray, FloatArr
     """Slopes of the residuals, shape (residuals, unknowns), and of the orbit's start; not finite where orbits part."""
     theta, steps = predicted.theta, predicted.contact.size
     end, by = predicted.start.copy(), np.eye(2, 2 + OF_CONTACT)
-    unused, waves = np.empty(steps), np.empty((2 + OF_CONTACT, steps))
+    unused, waves = np.empty(steps), np.empty((3 + OF_CONTACT, steps))
     _simulate_turn(
         *(theta, c.step_s, c.motion, predicted.forcing, c.smoothing, end, by, unused, waves)
     )
+    waves[-1] = smooth_abs(predicted.contact, c)
     slope = _at_harmonics(waves, c)
     # The start moves with the unknowns, so that the turn ends where it begins.
     (p, q), (r, s) = np.eye(2) - by[:, :2]
     start_by = np.array([[s, -q], [-r, p]]) @ by[:, 2:] / (p * s - q * r)
-    return _residual_slopes(predicted, c, slope[2:] + start_by.T @ slope[:2]), start_by
+    contact_slope = slope[2:-1] + start_by.T @ slope[:2]
+    return _residual_slopes(predicted, c, contact_slope, slope[-1]), start_by
 
 
 def _residual_slopes(
-    predicted: Prediction, c: Comparison, contact_slope: ComplexArray
+    predicted: Prediction, c: Comparison, contact_slope: ComplexArray, by_loss: ComplexArray
 ) -> FloatArray:
     """Slopes of the residuals by all unknowns, by those of the harmonics of c + mu |c|."""
-    theta, torque, sd = predicted.theta, predicted.torque, predicted.sd
-    by, per_ms = _respond(theta, c), 1e-3j * c.omega
-    response = np.exp(theta[INERTIA]) * by.log
+    theta, by, torque, sd = predicted.theta, predicted.by, predicted.torque, predicted.sd
+    J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
+    response = J * by.log
     slope = np.empty((theta.size, c.omega.size), dtype=complex)
-    np.multiply(response * np.exp(theta[RATIO]), contact_slope, out=slope[:OF_CONTACT])
-    slope[LAG] += response * per_ms * 1j * c.omega * c.speed
-    slope[RATIO] = torque - response * 1j * c.omega * by.lag * c.speed
+    np.multiply(response * rho, contact_slope, out=slope[:OF_CONTACT])
+    slope[LAG] += response * c.per_ms * c.acceleration
+    slope[RATIO] = torque - response * by.lag * c.acceleration
     slope[INERTIA] = torque
-    slope[DELAY] = -per_ms * torque
-    slope[LOSS] = response * np.exp(theta[RATIO]) * predicted.carried[1]
-    slope[FILTER] = -per_ms / (1 + theta[FILTER] * per_ms) * torque
+    slope[DELAY] = -c.per_ms * torque
+    slope[LOSS] = response * rho * by_loss
+    slope[FILTER] = slope[DELAY] / (1 + theta[FILTER] * c.per_ms)
     slope -= (torque - c.torque) / sd * _sd_slopes(theta, c, by, sd)
-    return (slope / sd).view(float).T
+    slope /= sd
+    return slope.view(float).T
 
 
-def _sd_slopes(theta: FloatArray, c: Comparison, by: _Responses, sd: FloatArray) -> FloatArray:
+def _sd_slopes(theta: FloatArray, c: Comparison, by: Responses, sd: FloatArray) -> FloatArray:
     """Slopes of the torque's SDs by the unknowns, shape (unknowns, harmonics): the speed's noise goes with them."""
-    K = np.exp(theta[STIFFNESS])
-    damper = by.spring - K
+    half_damper = 0.5j * by.spring.imag
     by_spring = by.carried * (1 / by.spring - 1 / (by.spring - c.omega**2)) / (1 + by.carried)
     slope = np.zeros((theta.size, c.omega.size))  # of the noise's logarithm
-    slope[STIFFNESS] = (by_spring * (K + 0.5 * damper)).real
-    slope[DAMPING] = (by_spring * damper).real
-    slope[LAG] = (1e-3j * c.omega / by.lag).real
+    slope[STIFFNESS] = (by_spring * (by.spring - half_damper)).real
+    slope[DAMPING] = 2 * (by_spring * half_damper).real
+    slope[LAG] = (c.per_ms / by.lag).real
     slope[RATIO] = (by.carried / (1 + by.carried)).real
     slope[INERTIA] = 1.0
-    slope[FILTER] = -((1e-3 * c.omega) ** 2) * theta[FILTER]
-    slope[FILTER] /= 1 + (1e-3 * c.omega * theta[FILTER]) ** 2
-    return slope * (sd**2 - c.torque_sd**2 - c.model_error**2) / sd
+    slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
+    slope *= (sd**2 - c.own_variance) / sd
+    return slope

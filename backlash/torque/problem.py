@@ -134,18 +134,16 @@ class Problem(NamedTuple):
         return distance
 
 
-def weigh_prior(
-    theta: FloatArray, side: FloatArray, prior: Prior
-) -> tuple[FloatArray, FloatArray]:
+def weigh_prior(theta: FloatArray, side: FloatArray, prior: Prior) -> tuple[FloatArray, FloatArray]:
     """Distances from what is known beforehand over their SDs, and their Jacobian.
 
     One for each unknown, then those of the soft part's share of gravity's wind-up and of friction beyond all. The law
     changes where an unknown is 0; it is that of the side on which another joint is.
     """
-    weight = 1 / np.where(side < 0, prior.sd_below_zero, prior.sd)
+    sd = np.where(side < 0, prior.sd_below_zero, prior.sd)
     distances, slopes = np.zeros(theta.size + 2), np.zeros((theta.size + 2, theta.size))
-    distances[:-2] = (theta - prior.mean) * weight
-    np.fill_diagonal(slopes, weight)
+    distances[:-2] = (theta - prior.mean) / sd
+    slopes[range(theta.size), range(theta.size)] = 1 / sd
     if side[SOFT] > 0:
         share, slope = wind_up_share(theta)
         distances[-2], slopes[-2] = share / _SOFT_SD, slope / _SOFT_SD
@@ -153,6 +151,14 @@ def weigh_prior(
         distances[-1] = (theta[FRICTION] - prior.most_friction) / _BEYOND_SD
         slopes[-1, FRICTION] = 1 / _BEYOND_SD
     return distances, slopes
+
+
+def prior_chi_squared(theta: FloatArray, prior: Prior) -> float:
+    """The sum of these distances' squares."""
+    distance = (theta - prior.mean) / np.where(theta < 0, prior.sd_below_zero, prior.sd)
+    share = wind_up_share(theta)[0] if theta[SOFT] > 0 else 0.0
+    beyond = max(float(theta[FRICTION]) - prior.most_friction, 0.0)
+    return float(distance @ distance) + (share / _SOFT_SD) ** 2 + (beyond / _BEYOND_SD) ** 2
 
 
 def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:

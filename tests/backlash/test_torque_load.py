@@ -1,5 +1,7 @@
 """The load that the motor's motion drives: its slopes, its gap and the gear's loss."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -47,7 +49,8 @@ def test_slopes_are_those_of_differences(problem, place):
     def residuals(theta):
         predicted = driven_load.predict(theta, made.compared)
         return np.append(
-            driven_load.residuals(predicted, made.compared), weigh_prior(theta, theta, made.prior)[0]
+            driven_load.residuals(predicted, made.compared),
+            weigh_prior(theta, theta, made.prior)[0],
         )
 
     step = np.zeros(theta.size)
@@ -81,14 +84,12 @@ def test_an_orbit_that_no_load_keeps_to_is_no_answer(cosine, is_kept):
     forcing, motion = np.zeros((3, 1000)), np.zeros((4, 1000))
     forcing[1] = cosine
     theta = some_unknowns(delta_mrad=100.0, drag=0.0)
-    closed = driven_load._close_orbit(
-        theta, 1e-3, motion, forcing, 0, np.zeros(2), np.zeros(1000)
-    )
+    closed = driven_load._close_orbit(theta, 1e-3, motion, forcing, 0, np.zeros(2), np.zeros(1000))
     assert closed == is_kept
 
 
 def torque_of(theta, compared, contact):
-    return driven_load.predict_torque(theta, compared, driven_load.carry(contact, compared))[0]
+    return driven_load.predict_torque(theta, compared, contact)[0]
 
 
 def gain_by_loss(problem, contact, loss=0.1):
@@ -170,7 +171,8 @@ def test_the_motion_is_that_of_the_speeds_harmonics_in_the_middle_of_each_step()
     np.testing.assert_allclose(made.motion, expected, rtol=1e-9, atol=1e-9)
     power = np.array([0.25, 0.01])  # beyond the first, the mean over seven with the ends mirrored
     mean = [5.0, (4 * power[0] + 3 * power[1]) / 7]
-    np.testing.assert_allclose(made.model_error, 0.05 * np.sqrt(np.array(mean) / 2), rtol=1e-9)
+    own = np.array([0.1, 0.3]) ** 2 + 0.05**2 * np.array(mean) / 2
+    np.testing.assert_allclose(made.own_variance, own, rtol=1e-9)
 
 
 def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
@@ -191,12 +193,9 @@ def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
         * np.abs(1 + 2 * spring / (spring - w**2))
         * 1e-3
     )
-    sd = np.sqrt(by_speed**2 + np.array([0.1, 0.3]) ** 2 + made.model_error**2)
-    carried = driven_load.carry(contact, made)
-    np.testing.assert_allclose(driven_load.predict_torque(theta, made, carried)[1], sd, rtol=1e-9)
-    predicted = driven_load.Prediction(
-        theta, np.zeros(2), np.zeros((1, 3)), contact, carried, torque, sd
-    )
+    sd = np.sqrt(by_speed**2 + made.own_variance)
+    np.testing.assert_allclose(driven_load.predict_torque(theta, made, contact)[1], sd, rtol=1e-9)
+    predicted = SimpleNamespace(torque=torque, sd=sd)
     left = (expected - np.array([2 - 1j, 0.1j])) / sd
     np.testing.assert_allclose(
         driven_load.residuals(predicted, made), np.ravel([left.real, left.imag], "F"), rtol=1e-9

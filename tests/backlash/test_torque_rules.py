@@ -56,7 +56,7 @@ def decide(monkeypatch):
         monkeypatch.setattr(rules, name, lambda *_, result=result: result)
 
     def answer(*candidates, of_held=1e3, sd_mrad=0.03):
-        def hold(problem, best, delta_mrad):
+        def hold(problem, best, delta_mrad, target):
             held.append(delta_mrad)
             return candidate(delta_mrad, of_held)
 
