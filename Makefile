@@ -34,7 +34,7 @@ slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long s
 check: .venv/.installed  ## print every number with its verdict; fails if one differs unexpectedly
 	@$(RUN) check
 
-verify: .venv/.installed  ## verification.json, to send back: versions, processor, hashes of the results, verdicts
+verify: .venv/.installed  ## verification.md and .json, to send back: what ran here, and is it what is committed
 	@$(RUN) verify
 
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
