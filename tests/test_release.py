@@ -33,7 +33,8 @@ def test_the_example_is_written_once_and_the_command_that_it_prints_answers_it(
     assert command("example") == 0
     asked = capsys.readouterr().out.splitlines()[-1]
     assert command(asked.removeprefix("backlash "), "--json") == 0
-    low, high = json.loads(capsys.readouterr().out)["backlash_interval_rad"]
+    (answer,) = json.loads(capsys.readouterr().out)
+    low, high = answer["backlash_interval_rad"]
     assert low < 8e-4 < high
     assert command("example") == 2
     assert "example.csv" in capsys.readouterr().err
