@@ -47,7 +47,7 @@ book: .venv/.installed  ## the report and the notebooks as a book with a search:
 	$(PY) -m sphinx --quiet --jobs 2 --conf-dir workbook --doctree-dir .make/doctrees . .make/book
 	rm -rf results/book && cp -r .make/book results/book
 
-bench: .venv/.studies  ## time what was made fast against a direct arm, and the search's peers
+bench: .venv/.bench  ## time what was made fast against a direct arm, and the search's peers
 	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
 
 studies: .venv/.studies  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
@@ -65,7 +65,7 @@ lint: .venv/.lint  ## style, format, types and spelling
 audit: .venv/.installed  ## known vulnerabilities of the locked versions
 	PATH="$$PATH:.venv/bin" uv tool run pip-audit --strict --requirement requirements.lock --disable-pip
 
-GROUPS := workbook studies test slow lint lab lock
+GROUPS := workbook studies bench test slow lint lab lock
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	PATH="$$PATH:.venv/bin" uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --all-extras \
 	  $(GROUPS:%=--group %) --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock

@@ -114,6 +114,13 @@ def count_by(cells: pd.DataFrame, key: str, order: Iterable[str]) -> pd.DataFram
     return counts.reindex(index=[*order], columns=VERDICTS, fill_value=0)
 
 
+def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
+    """Run time of the notebooks that make an element's numbers [s], as `results/notebook_times.csv` has it."""
+    seconds = read_kept("notebook_times").set_index("notebook")["seconds"]
+    makers = cells[cells["notebook"] != ""].groupby("element")["notebook"].unique()
+    return {element: int(seconds.loc[names].sum()) for element, names in makers.items()}
+
+
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
     """How the ten means or SDs of Table 2 agree one by one, and how far their intervals reach."""
     rows = cells[cells["id"].str.fullmatch(rf"table2\.row(0\d|10)\.{column}")]
@@ -185,6 +192,7 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.set_index("id").to_dict("index"),
         "by_element": count_by(cells, "element", [*cells["element"].unique(), "all"]),
+        "seconds": measured_seconds(cells),
         "by_source": count_by(cells, "source", judging.SOURCES),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),

@@ -1,9 +1,12 @@
 """The engine gives the paper's joint, its logs are answered, and the kept table is what the study makes."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
+from backlash.cli.options import _WRONG
 from backlash.estimates import NONE
 from replication.files import ROOT
 from replication.joint import identified_joint
@@ -44,6 +47,31 @@ def test_the_sensor_is_right_on_a_log_of_the_engine_and_the_kept_row_is_made_aga
     assert made["delta_rad"] == pytest.approx(row["delta_rad"], rel=1e-5)  # six digits are kept
     for name in ("backlash_rad", "low_rad", "high_rad"):
         assert made[name] == pytest.approx(row[name], rel=1e-2)
+
+
+def test_the_log_of_a_swinging_arm_is_refused_and_the_refusal_asks_for_the_arm(mujoco):
+    log = engine.log_of(engine.ARM, 1)
+    answer = engine.ask_sensor(log, torque=log.torque, **log.load)
+    assert answer.reason == "no joint fits"
+    assert "other axes held still" in answer.explanation
+    assert "is the arm stiff beside the payload" in answer.explanation
+
+
+def test_an_arm_s_first_swing_is_as_fast_as_the_help_says(mujoco):
+    low, high = map(float, re.search(r"first swing, at (\d+) to (\d+) Hz", _WRONG).groups())
+    for arm in range(0, engine.LOGS[engine.ARM], len(engine.ARM_PLAYS_RAD)):
+        machine = engine.draw_machine(engine.ARM, arm)
+        model = engine.build_model(machine, 1e-4)
+        data = mujoco.MjData(model)
+        data.qpos[6:] = machine.of_joints("start_angle")
+        mujoco.mj_forward(model, data)
+        inertia = np.empty((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, inertia)
+        # Rotors and wrist 3 held, the other gears yield.
+        squares = np.linalg.eigvals(
+            np.linalg.solve(inertia[6:11, 6:11], np.diag(machine.of_joints("K_s")[:5]))
+        )
+        assert low < np.sqrt(squares.real.min()) / (2 * np.pi) < high
 
 
 def test_the_load_that_hangs_from_a_joint_has_its_inertia_and_gravity(mujoco):
