@@ -17,6 +17,7 @@ from pandas import DataFrame
 from backlash.estimates import Estimate, estimate
 from replication import njit
 from replication.joint import GRAVITY, TURN, Joint, identified_joint, simulate
+from replication.published import Measured
 from replication.signature import FloatArray
 from studies.datasheet import summarise
 
@@ -412,16 +413,17 @@ def compare_arms(rows: DataFrame) -> DataFrame:
     return DataFrame(A, columns=["none", "turning", "twice", "others"])
 
 
-def describe_arms(rows: DataFrame) -> str:
-    """What is found on the simulated arm, by the paper's index and by the torque; the play is half of the gap."""
+def measure_arms(rows: DataFrame) -> Measured:
+    """No number, because no robot's log is public; beside it what the paper's index and the torque say of the arms."""
     A, arms = compare_arms(rows), rows[rows["population"] == ARM]
-    rises = ((A["turning"] > A["none"]) & (A["twice"] > A["turning"])).sum()
+    rises = (A["turning"] > A["none"]) & (A["twice"] > A["turning"])
     gain, other = A["twice"] - A["none"], (A["others"] - A["none"]).abs().max()
-    sheet = summarise(arms).iloc[0]
-    return (
-        f"simulated arm: A rises with the play of the turning joint on {rises} of {len(A)} arms (by {gain.min():.2f} "
-        f"to {gain.max():.2f} rps at {1e3 * max(ARM_PLAYS_RAD)[0]:g} mrad), shoulder's and elbow's play moves it by "
-        f"{other:.1g} rps at most, but without any play A is {A['none'].min():.1f} to {A['none'].max():.1f} rps: it "
-        f"tells a change on one robot, no backlash; by torque {sheet['answered']} of {sheet['joints']} logs with play "
-        f"are answered and {sheet['wrong']} of {len(arms)} wrong"
+    largest, sheet = A["none"].max(), summarise(arms).iloc[0]
+    return (math.nan, math.nan), (
+        "the robots' logs were never published, and their backlash was not measured. Simulated arm: A rises with each "
+        f"step of the turning joint's play on {rises.sum()} of {len(A)} arms, by {gain.min():.2f} to {gain.max():.2f} "
+        f"rps at {1e3 * max(ARM_PLAYS_RAD)[0]:g} mrad; the play of shoulder and elbow moves it by {other:.1g} rps at "
+        f"most; without play it is {A['none'].min():.1f} to {largest:.1f} rps, the largest above that of "
+        f"{(A['twice'] < largest).sum()} arms with play. By torque {sheet['answered']} of {sheet['joints']} logs with "
+        f"play are answered, {sheet['wrong']} of {len(arms)} wrong"
     )
