@@ -318,8 +318,9 @@ finest, coarsest = (
 workbook.show_figure(
     "figure10_engine",
     engine_figure,
-    f"The engine's speed against ours: steps {coarsest['step_s'] / finest['step_s']:.0f} times as "
-    f"short bring it {coarsest['nrmse'] / finest['nrmse']:.1f} times as near, to "
+    "The engine's speed against ours: steps "
+    f"{coarsest['step_s'] / finest['step_s']:.0f} times as short bring it "
+    f"{coarsest['nrmse'] / finest['nrmse']:.1f} times as near, to "
     f"{100 * finest['nrmse']:.2f} %. It comes to our joint, not to another.",
 )
 
