@@ -57,7 +57,7 @@ def test_every_link_of_report_and_readme_leads_to_a_file():
 
 def test_make_check_prints_every_number_and_notices_a_new_difference():
     verdicts = judging.verdicts(RESULTS)
-    printed = report.list_numbers(verdicts)
+    printed = report.list_verdicts(verdicts, judging.claims(RESULTS))
     assert all(cell in printed for cell in published.cells().index)
     assert report.find_surprises(verdicts) == []
     verdicts.loc[verdicts["id"] == "table2.row03.mean", "agreement"] = "differs"
