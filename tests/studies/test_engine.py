@@ -110,7 +110,7 @@ def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_
         mujoco.mj_forward(model, data)
         moments.append(data.qfrc_bias[11])
     assert data.xaxis[-1][2] == pytest.approx(0, abs=1e-12)
-    assert max(moments) == pytest.approx(machine.turning.G, rel=0.02)
+    assert max(moments) == pytest.approx(machine.joints[-1].G, rel=0.02)
 
 
 def test_the_table_has_a_row_for_each_log_that_the_study_makes(kept):
