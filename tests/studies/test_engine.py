@@ -10,6 +10,7 @@ from backlash.cli.options import _WRONG
 from backlash.estimates import NONE
 from replication.files import ROOT
 from replication.joint import identified_joint
+from replication.published import decide
 from studies import engine
 
 JOINT = identified_joint()
@@ -109,7 +110,7 @@ def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_
         mujoco.mj_forward(model, data)
         moments.append(data.qfrc_bias[11])
     assert data.xaxis[-1][2] == pytest.approx(0, abs=1e-12)
-    assert max(moments) == pytest.approx(machine.turning.G, rel=0.02)
+    assert max(moments) == pytest.approx(machine.joints[-1].G, rel=0.02)
 
 
 def test_the_table_has_a_row_for_each_log_that_the_study_makes(kept):
@@ -125,3 +126,28 @@ def test_the_kept_errors_fall_with_the_step_to_the_first_order(kept):
     slope = np.polyfit(np.log(twins["step_s"]), np.log(twins["nrmse"]), 1)[0]
     assert slope == pytest.approx(1, abs=0.1)
     assert twins["nrmse"].min() < 6e-4
+
+
+def test_what_is_said_of_the_simulated_arm_follows_from_its_rows_and_decides_nothing(kept):
+    numbers, words = engine.measure_arms(kept)
+    assert decide("full_robot", numbers) is None
+    claims = pd.read_csv(ROOT / "results" / "claims.csv").set_index("id")
+    assert claims.loc["full_robot", "measured"] == words
+    A = kept[kept["population"] == engine.ARM].pivot(
+        index="number", columns="population", values="amplitude_rps"
+    )
+    gains = (A.loc[2::4].to_numpy() - A.loc[0::4].to_numpy()).ravel()
+    assert f"by {gains.min():.2f} to {gains.max():.2f} rps at 1.2 mrad" in words
+    moved = kept.copy()
+    is_arm = moved["population"] == engine.ARM
+    moved.loc[is_arm, "amplitude_rps"] = moved.loc[is_arm, "delta_rad"] * 1e3 + 1
+    moved.loc[is_arm & (moved["number"] == 1), ["verdict", "low_rad", "high_rad"]] = (
+        "backlash",
+        0,
+        1,
+    )
+    _, words = engine.measure_arms(moved)
+    assert "on 5 of 5 arms, by 1.20 to 1.20 rps" in words
+    assert "shoulder and elbow moves it by 0 rps" in words
+    assert "the largest above that of 0 arms" in words
+    assert "By torque 1 of 10 logs with play are answered, 0 of 20 wrong" in words
