@@ -129,11 +129,13 @@ def _check_parts(content: bytes) -> None:
         if sum(part.file_size for part in parts) > LIMITS.most_bytes:
             raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
         others = [p for p in parts if not _SHEET.fullmatch(p.filename)]
-        extra = sum(p.file_size for p in others if p.filename.endswith((".xml", ".rels")))
-        if extra > LIMITS.most_style_bytes:
+        texts = [p for p in others if p.filename.endswith((".xml", ".rels"))]
+        if (extra := sum(p.file_size for p in texts)) > LIMITS.most_style_bytes:
             raise Refusal(
                 f"its styles and relations unpack to {extra / 2**20:.0f} MiB; save the log as CSV"
             )
+        if (tags := sum(bundle.read(p).count(b"<") for p in texts)) > LIMITS.most_style_tags:
+            raise Refusal(f"its styles and relations have {tags:,} entries; save the log as CSV")
         for part in set(parts) - set(others):
             sheet = bundle.read(part)
             # A cell has four signs, a hostile one a single one.

@@ -203,6 +203,8 @@ def entities() -> bytes:
         (SHEET, bytes(2**24), "it unpacks to more than 8 MiB"),
         (SHEET, START + b"<row>" + b"<c/>" * 300_000, "more than 50,000 cells; cut it"),
         (SHEET, START + WIDE + b"</sheetData></worksheet>", "more than 50,000 cells"),
+        ("xl/styles.xml", b"<a>" * 2**20, "styles and relations unpack to 3 MiB"),
+        ("xl/styles.xml", b"<a/>" * 100_000, "styles and relations have 100,"),
         (SHEET, entities(), "no readable workbook"),
         ("xl/workbook.xml", entities(), "no readable workbook"),
         (SHEET, START + b"</sheetData></worksheet>", "nothing but blanks"),
