@@ -219,6 +219,8 @@ def test_a_hostile_workbook_is_refused(part, content, why, tmp_path, monkeypatch
 def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypatch):
     monkeypatch.setattr(packed, "LIMITS", replace(LIMITS, most_cells=1000))
     assert "more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
+    wide = ",".join(["a name"] * 4097) + "\n" + ",".join(["1.25"] * 4097)
+    assert "4,097 columns, more than 4,096" in refusal(file(tmp_path, wide))
     content = table(noisy()).to_parquet()
     assert "more than 1,000 cells" in refusal(file(tmp_path, content))
     monkeypatch.setattr(sources, "LIMITS", replace(LIMITS, most_bytes=2**16))
