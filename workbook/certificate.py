@@ -8,7 +8,7 @@ from typing import Any
 
 from llvmlite import binding
 
-from replication.files import ROOT, UserError
+from replication.files import ROOT, DataUnavailable, UserError
 from replication.records import AUTHORS_FILES, authors_checksums, authors_file
 from workbook import judging
 from workbook.outcomes import RESULTS, listed_exports, notebook_sources
@@ -49,7 +49,7 @@ def certify() -> dict[str, Any]:
         "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
         "versions": provenance()["versions"] | {"python": platform.python_version()},
         "notebooks": notebooks,
-        "authors_files": {name: _authors_file(name) for name in AUTHORS_FILES},
+        "authors_files": _authors_files(),
         "results": {
             name: _compare(sha256(ROOT / name), sha256_of(_git("show", f"HEAD:{name}")))
             for name in sorted({*names, *OF_REPORT})
@@ -68,11 +68,19 @@ def _compare(measured: str, expected: str) -> dict[str, Any]:
     return {"measured": measured, "expected": expected, "same": measured == expected}
 
 
-def _authors_file(name: str) -> dict[str, Any]:
-    try:
-        return _compare(sha256(authors_file(name)), authors_checksums()[name])
-    except UserError as error:
-        return _compare(str(error), authors_checksums()[name])
+def _authors_files() -> dict[str, dict[str, Any]]:
+    """Hashes of the authors' files; in place of those that cannot be had, why."""
+    registered = authors_checksums()
+    measured: dict[str, str] = {}
+    for name in AUTHORS_FILES:
+        try:
+            measured[name] = sha256(authors_file(name))
+        except DataUnavailable as error:
+            measured |= dict.fromkeys(AUTHORS_FILES, str(error))
+            break
+        except UserError as error:
+            measured[name] = str(error)
+    return {name: _compare(measured[name], registered[name]) for name in AUTHORS_FILES}
 
 
 def _git(*arguments: str) -> bytes:
@@ -91,9 +99,10 @@ def find_differences(about: dict[str, Any]) -> list[str]:
     lines = [
         f"{name}: not run here" for name, ran in about["notebooks"].items() if not ran["ran_here"]
     ]
-    for kind, was in (("results", "committed"), ("authors_files", "registered")):
-        lines += [f"{name}: not as {was}" for name, each in about[kind].items() if not each["same"]]
-    return lines
+    results, files = about["results"], about["authors_files"]
+    lines += [f"{name}: not as committed" for name, each in results.items() if not each["same"]]
+    reasons = [each["measured"] for each in files.values() if not each["same"]]
+    return lines + [f"authors' files: {reason}" for reason in dict.fromkeys(reasons)]
 
 
 def write_certificate(about: dict[str, Any]) -> str:
@@ -121,7 +130,7 @@ def write_certificate(about: dict[str, Any]) -> str:
         f"| results and figures as committed | {counts['results']} |",
         f"| printed numbers | {verdicts} |",
         "",
-        *(f"- {line}" for line in find_differences(about)),
+        *(f"- {line}" for line in find_differences(about) or ["no difference"]),
         "",
         "The hashes, notebooks and verdicts stand one by one in verification.json.",
         "",

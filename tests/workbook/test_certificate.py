@@ -1,10 +1,12 @@
 """A certificate says what ran here, and names each file that is not as it is committed."""
 
 import subprocess
+from unittest.mock import Mock
 
 import pytest
 
-from replication.files import UserError
+from replication import records
+from replication.files import DataUnavailable, UserError
 from workbook import certificate, stamps
 from workbook.outcomes import listed_exports
 
@@ -38,7 +40,7 @@ def test_a_rerun_to_the_same_bytes_is_certified_but_for_the_data_that_are_not_th
     assert len(about["commit"]) == 40
     assert about["changed"] == []
     assert about["notebooks"]["01_small"] == {"ran_here": True, "seconds": 12, "changed_since": []}
-    assert all(name in about["authors_files"] for name in (line.split(":")[0] for line in lines))
+    assert all(line.startswith("authors' files: ") for line in lines)
     page = certificate.write_certificate(about)
     assert "| notebooks that ran here | 1 of 1, 12 s |" in page
     assert "as committed | 7 of 7 |" in page
@@ -68,8 +70,16 @@ def test_a_notebook_that_did_not_run_is_named_and_where_none_ran_nothing_is_cert
         certificate.certify()
 
 
-def test_data_that_are_not_the_registered_ones_are_named(clone, monkeypatch, tmp_path):
-    (tmp_path / "data").write_text("other")
-    monkeypatch.setattr(certificate, "authors_file", lambda name: tmp_path / "data")
-    lines = certificate.find_differences(certificate.certify())
-    assert f"{certificate.AUTHORS_FILES[0]}: not as registered" in lines
+def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(
+    clone, monkeypatch, tmp_path
+):
+    missing = Mock(side_effect=DataUnavailable("no network"))
+    monkeypatch.setattr(certificate, "authors_file", missing)
+    assert certificate.find_differences(certificate.certify()) == ["authors' files: no network"]
+    assert missing.call_count == 1
+    (tmp_path / certificate.AUTHORS_FILES[0]).write_text("other")
+    monkeypatch.setattr(certificate, "authors_file", records.authors_file)
+    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
+    first = certificate.find_differences(certificate.certify())[0]
+    assert certificate.AUTHORS_FILES[0] in first
+    assert "not the registered one" in first
