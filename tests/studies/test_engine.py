@@ -50,8 +50,13 @@ def test_the_sensor_is_right_on_a_log_of_the_engine_and_the_kept_row_is_made_aga
         assert made[name] == pytest.approx(row[name], rel=1e-2)
 
 
-def test_the_log_of_a_swinging_arm_is_refused_and_the_refusal_asks_for_the_arm(mujoco):
+def test_the_log_of_a_swinging_arm_is_refused_the_refusal_asks_for_the_arm_and_the_index_is_kept(
+    kept, mujoco
+):
     log = engine.log_of(engine.ARM, 1)
+    index = engine.ask_sensor(log, gear_ratio=log.load["gear_ratio"]).amplitude_rps
+    row = kept.set_index(["population", "number"]).loc[(engine.ARM, 1)]
+    assert index == pytest.approx(row["amplitude_rps"], rel=1e-4)
     answer = engine.ask_sensor(log, torque=log.torque, **log.load)
     assert answer.reason == "no joint fits"
     assert "other axes held still" in answer.explanation
