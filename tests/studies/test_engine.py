@@ -11,7 +11,7 @@ from backlash.estimates import NONE
 from replication.files import ROOT
 from replication.joint import identified_joint
 from replication.published import decide
-from studies import engine
+from studies import datasheet, engine
 
 JOINT = identified_joint()
 
@@ -123,6 +123,15 @@ def test_the_table_has_a_row_for_each_log_that_the_study_makes(kept):
     assert logs["population"].value_counts().to_dict() == engine.LOGS
     assert logs["verdict"].notna().all()
     assert (logs["reason"].notna() == (logs["verdict"] == "cannot tell")).all()
+
+
+def test_the_sensor_is_right_on_the_engine_s_joints_and_silent_on_its_arm(kept):
+    sheet = datasheet.summarise_engine(kept).set_index("population")
+    turns = sheet.loc["MuJoCo, turns"]
+    assert turns["answered"] >= 0.9 * turns["joints"]
+    assert turns["covered"] >= 0.95 * turns["answered"]
+    assert turns["false_all_clears"] == turns["healthy_called"] == 0
+    assert sheet.loc["MuJoCo, drag in the gap", "wrong"] == sheet.loc["MuJoCo, arm", "wrong"] == 0
 
 
 def test_the_kept_errors_fall_with_the_step_to_the_first_order(kept):
