@@ -5,6 +5,7 @@ import os
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -23,10 +24,6 @@ from backlash.reading.sources import name_of
 from backlash.refusals import Refusal
 
 _FORMULA = re.compile(r"(^|[,;\t\r\n])(?=\s*[=+@\t\r-])")
-_DEATHS = {
-    "BrokenProcessPool",
-    "KilledWorker",
-}  # of a process here, and under Dask, which may not be there
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
 Draw: TypeAlias = Callable[[Estimate, str], None]
 
@@ -135,13 +132,10 @@ def _examine_each(
     """
     left = dict(calls)
     tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
-    try:
+    with suppress(BrokenProcessPool):
         for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
             del left[number]
             yield number, answer
-    except Exception as error:
-        if not {each.__name__ for each in type(error).__mro__} & _DEATHS:
-            raise
     if len(left) == 1:
         [(number, (log, _))] = left.items()
         why = f"{name_of(log)}: the process that read it died; too large?"

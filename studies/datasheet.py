@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy.stats import binomtest
 
-from backlash.estimates import estimate
+from backlash.estimates import Estimate, estimate
 from backlash.refusals import Reason, Refusal
 from studies.simulated_joints import TURN, Fault, draw_log_uniform, draw_turns
 
@@ -75,7 +75,6 @@ def measure_log(population: str, number: int) -> dict[str, object]:
     fault, _ = FAULTS.get(population, (Fault(), ()))
     log = draw_turns(rng, delta, rng.uniform(*friction), rng.uniform(*loss), fault)
     inertia, gravity = np.exp(rng.standard_normal(2) * LOAD_SDS)
-    row: dict[str, object] = {"population": population, "delta_rad": delta}
     try:
         answer = estimate(
             log.t,
@@ -87,15 +86,14 @@ def measure_log(population: str, number: int) -> dict[str, object]:
             gravity_per_s2=gravity * log.gravity_per_s2,
         )
     except Refusal as refusal:  # of the record, before any fit
-        return row | {
-            "verdict": "cannot tell",
-            "reason": refusal.reason.value,
-            "backlash_rad": math.nan,
-            "low_rad": math.nan,
-            "high_rad": math.nan,
-        }
+        answer = Estimate("", reason=refusal.reason.value)
+    return {"population": population, "delta_rad": delta} | describe_answer(answer)
+
+
+def describe_answer(answer: Estimate) -> dict[str, object]:
+    """What a row has of an answer."""
     low, high = answer.backlash_interval_rad or (math.nan, math.nan)
-    return row | {
+    return {
         "verdict": answer.verdict,
         "reason": answer.reason or "",
         "backlash_rad": math.nan if answer.backlash_rad is None else answer.backlash_rad,

@@ -13,6 +13,7 @@ class Limits:
     most_cells: int = 8_000_000  # of a table: an hour at 500 Hz of four columns
     most_columns: int = 4096
     most_list_bytes: int = 16 * 2**20  # of a table of logs
+    most_logs: int = 100_000  # of such a table: the parent holds 3 kB for each
 
     # Time stamps.
     most_hz: float = 1e6  # no logger samples faster; the stamps have another unit

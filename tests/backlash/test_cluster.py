@@ -7,7 +7,6 @@ import sys
 import time
 from pathlib import Path
 
-import joblib
 import numpy as np
 import pandas as pd
 import psutil
@@ -15,7 +14,6 @@ import pytest
 
 from backlash import batch
 from backlash.example import LOG
-from backlash.log_list import read_batch
 from replication.files import ROOT
 
 GUIDE = (ROOT / "notebooks" / "guide.md").read_text("utf-8")
@@ -78,19 +76,6 @@ def assert_same_rows(table: pd.DataFrame) -> None:
     )
 
 
-class Deadly:
-    """A log that ends each process that asks for its name, but this one."""
-
-    def __init__(self) -> None:
-        self.spared = os.getpid()
-
-    @property
-    def file(self) -> str:
-        if os.getpid() != self.spared:
-            os._exit(9)
-        return "deadly"
-
-
 @pytest.fixture
 def two_workers():
     """What makes a cluster of two processes on this machine."""
@@ -113,23 +98,6 @@ def test_on_two_workers_of_which_one_dies_the_rows_are_those_made_alone(
     lines = lines_of("cluster.py").replace("LocalCluster()", "two_workers()")
     exec(lines, {"__name__": "__main__", "two_workers": two_workers})
     assert_same_rows(pd.read_parquet("answers.parquet"))
-
-
-def test_a_log_that_kills_every_worker_costs_its_own_row(two_workers):
-    dask = pytest.importorskip("dask")
-    names = [f"{number}.csv" for number in range(LOGS)]
-    logs = read_batch([*names, Deadly()], {"gear_ratio": 100})
-    once = dask.config.set({"distributed.scheduler.allowed-failures": 0})  # four times take long
-    with (
-        once,
-        two_workers() as cluster,
-        cluster.get_client(),
-        joblib.parallel_config(backend="dask"),
-    ):
-        answers = dict(batch.run_batch(logs))
-    assert sorted(answers) == [*range(LOGS + 1)]
-    assert "the process that read it died" in answers.pop(LOGS).explanation
-    assert all("No such file" in answer.explanation for answer in answers.values())
 
 
 def test_a_job_array_of_which_one_is_killed_and_started_again_has_the_rows_made_alone(plant):
