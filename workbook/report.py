@@ -67,9 +67,10 @@ def span(numbers: Any, form: str) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def write_p(p: float) -> str:
-    """Write a p with two digits, or what it is below: 0.44, 0.0031, below 0.001."""
-    return "below 0.001" if p < 0.001 else f"{p:.2g}"
+def write_p(p: float, least: float = 0.0) -> str:
+    """Write a p with two digits, or what it is below; 0.44, below 0.001, "at most 0.0031" if it can be no less."""
+    bound = "at most " if p <= 1.001 * least else ""
+    return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
 def write_rejections(tests: evidence.Rejections) -> str:

@@ -257,10 +257,10 @@ workbook.show_figure(
     "table2_multiverse",
     figures.multiverse(multiverse),
     "The printed table as one more of ours: a $p$ in each cell, shaded below 0.05, "
-    "0.01 and 0.001; with ≤ where none of our tables lies as far out. *In "
-    "interval*: how many printed numbers lie in the 95 % intervals (–: too few "
-    "tables for one). In brackets: our tables; before them the unit of the speed "
-    "and the population.",
+    "0.01 and 0.001; 0 below 0.0005; with ≤ where none of our tables lies as far "
+    "out. *In interval*: how many printed numbers lie in the 95 % intervals (–: "
+    "too few tables for one). In brackets: our tables; before them the unit of the "
+    "speed and the population.",
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
