@@ -8,9 +8,7 @@ RUN apt-get update && apt-get install --yes --no-install-recommends git make && 
 USER workbook
 WORKDIR /workbook
 COPY --chown=workbook . .
-RUN make .venv/.test .venv/.lab \
-    && printf '#!/bin/sh\nexec /workbook/.venv/bin/python -m backlash "$@"\n' > .venv/bin/backlash && chmod +x .venv/bin/backlash \
-    && .venv/bin/backlash estimate --help > /dev/null
+RUN make .venv/.test .venv/.lab && .venv/bin/backlash estimate --help > /dev/null
 ENV PATH="/workbook/.venv/bin:$PATH"
 # JupyterLab is reached through a port that docker publishes: it has to listen on all addresses.
 RUN mkdir -p ~/.jupyter && echo 'c.ServerApp.ip = "0.0.0.0"' > ~/.jupyter/jupyter_server_config.py

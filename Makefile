@@ -4,8 +4,10 @@
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m workbook
-STUDY := OPENBLAS_NUM_THREADS=1 $(PY) -m studies
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --numprocesses 2 --dist worksteal
+# KERNEL=Haswell or Prescott: NumPy without SIMD, and numba for a generic processor; of the kernels, Prescott needs no AVX.
+SIMD = $(shell $(PY) -c 'import numpy; s = numpy.show_config("dicts")["SIMD Extensions"]; print(*s.get("found", []), *s.get("not found", []))')
+OTHER = $(if $(KERNEL),OPENBLAS_CORETYPE=$(KERNEL) NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$(SIMD)")
 
 # Settings of the user's that would change what a command computes.
 unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONOPTIMIZE PYTHONPATH PYTHONSAFEPATH PYTHONSTARTUP PYTHONUSERBASE PYTHONWARNINGS
@@ -25,8 +27,9 @@ all: .venv/.installed  ## every notebook, figure, table and verdict, and the rep
 	$(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
 	$(MAKE) --no-print-directory .make/report.ran && exit $$status
 
-test: .venv/.test  ## the tests, on the committed results, but for the slow ones; ONLY=data: those that need files
-	$(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
+# ONLY=data: those that need files; ONLY=portable KERNEL=Prescott: those that compute, as on another processor.
+test: .venv/.test  ## the tests, on the committed results, but for the slow ones
+	$(OTHER) $(PYTEST) -m "$(if $(ONLY),$(ONLY) and )not slow"
 
 slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long searches
 	$(PYTEST) -m slow $(TESTS)
@@ -34,7 +37,7 @@ slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long s
 check: .venv/.installed  ## print every number with its verdict; fails if one differs unexpectedly
 	@$(RUN) check
 
-verify: .venv/.installed  ## verification.json, to send back: versions, processor, hashes of the results, verdicts
+verify: .venv/.installed  ## verification.md and .json, to send back: what ran here, and is it what is committed
 	@$(RUN) verify
 
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
@@ -44,20 +47,11 @@ book: .venv/.installed  ## the report and the notebooks as a book with a search:
 	$(PY) -m sphinx --quiet --jobs 2 --conf-dir workbook --doctree-dir .make/doctrees . .make/book
 	rm -rf results/book && cp -r .make/book results/book
 
-bench: .venv/.studies  ## time what was made fast against a direct arm, and the search's peers
+bench: .venv/.bench  ## time what was made fast against a direct arm, and the search's peers
 	OPENBLAS_NUM_THREADS=1 $(PY) -m studies.timings
 
 studies: .venv/.studies  ## slow studies whose tables are kept: make studies NAME=claims (make studies lists them)
-	$(STUDY) $(or $(NAME),--help)
-
-# NumPy without SIMD and numba for a generic processor; of the kernels, Katmai (Prescott) needs no AVX.
-KERNELS ?= Haswell Prescott
-WHICH ?= portable
-portable: .venv/.test  ## the tests that compute, and the cheap notebooks' verdicts, as on other processors
-	@simd="$$($(PY) -c 'import numpy; s = numpy.show_config("dicts")["SIMD Extensions"]; print(*s.get("found", []), *s.get("not found", []))')"; \
-	for kernel in $(KERNELS); do \
-	  OPENBLAS_CORETYPE=$$kernel NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$$simd" $(PYTEST) -m "$(WHICH)" || exit 1; \
-	done
+	OPENBLAS_NUM_THREADS=1 $(PY) -m studies $(or $(NAME),--help)
 
 data: .venv/.installed  ## fetch and verify the authors' data
 	$(RUN) data
@@ -71,7 +65,7 @@ lint: .venv/.lint  ## style, format, types and spelling
 audit: .venv/.installed  ## known vulnerabilities of the locked versions
 	PATH="$$PATH:.venv/bin" uv tool run pip-audit --strict --requirement requirements.lock --disable-pip
 
-GROUPS := workbook studies test slow lint lab lock
+GROUPS := workbook studies bench test slow lint lab lock
 lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 	PATH="$$PATH:.venv/bin" uv pip compile pyproject.toml --quiet --upgrade --universal --python-version 3.11 --all-extras \
 	  $(GROUPS:%=--group %) --generate-hashes --no-emit-index-url --no-header --no-annotate --output-file requirements.lock
@@ -79,8 +73,6 @@ lock: .venv/.installed  ## pin the newest versions that pyproject.toml allows
 clean:  ## remove what can be made again and is not committed
 	rm -rf .make results/book results/offline .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
-
-# ---------------------------------------------------------------------------------------------------------------
 
 # .venv/.installed is what notebooks need; .venv/.NAME is a group of pyproject.toml, what a target needs besides.
 INSTALL = @[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }; \

@@ -97,6 +97,10 @@ def read_rows(source: TableOfLogs, *columns: str) -> pd.DataFrame:
         raise Refusal(f"{_called(source)}: no column {missing[0]!r}; there are {there}")
     if table.empty:
         raise Refusal(f"{_called(source)}: no rows")
+    if len(table) > LIMITS.most_logs:
+        raise Refusal(
+            f"{_called(source)}: {len(table):,} logs, more than {LIMITS.most_logs:,}; split the table"
+        )
     return table
 
 

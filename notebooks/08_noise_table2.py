@@ -393,7 +393,8 @@ workbook.try_changing(
     ),
     Change(
         'criteria = {"local_minima": 0.99}',
-        "if 99 % of the runs had to succeed, no population would do, and the claim would fail",
+        "if 99 % of the runs had to succeed, no population would do, and the claim "
+        "would fail",
         lambda now, was: (
             now.claims["local_minima"][0] in [False]
             and was.claims["local_minima"][0] not in [False]

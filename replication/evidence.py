@@ -277,7 +277,7 @@ def decide_random_start(
         for start in STARTS
     }
     words = [
-        f"{reading} p = {ends[start]}, excluded by {name_exclusions(multiverse, start, limit)}"
+        f"{reading} p = {ends[start]}, excluded at {100 * limit:g} % by {name_exclusions(multiverse, start, limit)}"
         for start, reading in READINGS.items()
     ]
     of_start = alone.groupby("start")["settings"].nunique()
@@ -293,10 +293,13 @@ class Start(NamedTuple):
     tables: int
     settings: int
     inside: list[float]  # of ten means, by settings, together and alone
+    sds_inside: list[float]  # and of ten SDs
     means: Rejections
     sds: Rejections
     sds_without_row_10: Rejections
     excluded_by: str
+    excluding: int  # how many scores exclude it at 5 % under all its settings
+    scores: int
     above: int  # printed means above our medians
     reaching: int  # our tables whose mean deviation is the printed one or higher
 
@@ -304,18 +307,31 @@ class Start(NamedTuple):
 def describe_start(realisations: pd.DataFrame, multiverse: pd.DataFrame, start: str) -> Start:
     """Gather what is said of a start, from `table2.read_realisations` and `make_multiverse` of them."""
     (ours, *_), printed = _together(realisations, start), printed_table()
-    chosen = multiverse[(multiverse["start"] == start) & (multiverse["numbers"] == "means")]
+    chosen = multiverse[multiverse["start"] == start].set_index("numbers")
+    p = largest_p(multiverse, start, LEVEL)
     return Start(
         tables=ours.shape[1],
         settings=chosen["settings"].nunique() - 1,
-        inside=chosen["inside"].dropna().tolist(),
+        inside=chosen.loc["means", "inside"].dropna().tolist(),
+        sds_inside=chosen.loc["SDs", "inside"].dropna().tolist(),
         means=count_rejections(multiverse, start, "means"),
         sds=count_rejections(multiverse, start, "SDs"),
         sds_without_row_10=count_rejections(multiverse, start, "SDs of rows 1 to 9"),
         excluded_by=name_exclusions(multiverse, start, LEVEL),
+        excluding=int((p < LEVEL).sum()),
+        scores=p.size,
         above=int((printed.ratios > np.median(ours, axis=1, keepdims=True)).sum()),
         reaching=int((ours.mean(axis=0) >= printed.ratios.mean()).sum()),
     )
+
+
+def find_what_decides(multiverse: pd.DataFrame, start: str, numbers: str) -> list[str]:
+    """Which choices change whether a test of one kind rejects at 5 % under a start: the score, the setting, or none."""
+    chosen = multiverse[(multiverse["start"] == start) & (multiverse["numbers"] == numbers)]
+    alone = chosen[(chosen["settings"] != TOGETHER) & (chosen["score"] != INSIDE)]
+    rejects = (alone["p"] < LEVEL).groupby([alone["settings"], alone["score"]]).any().unstack()
+    varies = {"score": rejects.nunique(axis=1), "setting": rejects.nunique(axis=0)}
+    return [choice for choice, verdicts in varies.items() if (verdicts > 1).any()]
 
 
 def _together(realisations: pd.DataFrame, start: str) -> Tables:
@@ -326,6 +342,7 @@ def _together(realisations: pd.DataFrame, start: str) -> Tables:
 def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, object]:
     """What the report says of Table 2 as a whole, from `table2.read_realisations` and `make_multiverse` of them."""
     ours, printed = _together(realisations, WHOLE), printed_table()
+    drawn = np.concatenate([_together(realisations, start).sds[9] for start in DRAWN])
     together = multiverse[(multiverse["start"] == WHOLE) & (multiverse["settings"] == TOGETHER)]
     alarms = multiverse["false_alarms"].dropna()
     return {
@@ -333,10 +350,14 @@ def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) ->
             each: describe_start(realisations, multiverse, each) for each in (WHOLE, *DRAWN)
         },
         "p": together.set_index(["numbers", "score"])["p"].to_dict(),
+        "least_p": float(together["least_p"].min()),
+        "sds_hang_on": find_what_decides(multiverse, WHOLE, "SDs"),
         "scores": len(SCORES_OF_MEANS),
         "row10": float(printed.sds[9, 0]),
         "row10_smallest": float(ours.sds[9].min()),
         "row10_below": int((ours.sds[9] > printed.sds[9]).sum()),
+        "row10_drawn": drawn.size,
+        "row10_drawn_lower": int((drawn < printed.sds[9]).sum()),
         "bias": 100 * (float(np.median(ours.ratios.mean(axis=0))) - 1),
         "printed_bias": 100 * (float(printed.ratios.mean()) - 1),
         "false_alarms": 100 * alarms.mean(),

@@ -455,8 +455,10 @@ def multiverse(choices: pd.DataFrame) -> Figure:
         shade = sum(choice["p"] < level for level in (0.05, 0.01, 0.001))
         face = ("white", "0.8", "0.45", "0.15")[shade]
         axis.add_patch(plt.Rectangle(at, 1, 1, facecolor=face, edgecolor="0.6", linewidth=0.3))
-        text = small | {"ha": "center", "color": "white" if shade > 1 else INK, "fontsize": 7}
-        axis.text(at[0] + 0.5, at[1] + 0.55, _write_choice(choice), **text)
+        written = _write_choice(choice)
+        size = 7 if len(written) < 5 else 6
+        text = small | {"ha": "center", "color": "white" if shade > 1 else INK, "fontsize": size}
+        axis.text(at[0] + 0.5, at[1] + 0.55, written, **text)
     tables = choices.groupby(of_row)["tables"].first()
     for (start, settings), top in y.items():
         if (start, settings) == next(row for row in rows if row[0] == start):
@@ -483,7 +485,9 @@ def _spread(keys: Sequence[tuple[str, str]], gap: float) -> dict[tuple[str, str]
 
 
 def _write_choice(choice: Mapping[Any, Any]) -> str:
-    """Write a count, or a p without its zero: ".13", ".003"; "≤" where no table of ours lies as far out."""
+    """Write a count, or a p without its zero: ".13", ".003", "0"; "≤" where no table of ours lies as far out."""
+    if choice["p"] < 0.0005:
+        return "0"
     if not np.isfinite(choice["p"]):
         return f"{choice['inside']:.0f}" if np.isfinite(choice["inside"]) else "–"
     text = f"{choice['p']:.3f}" if choice["p"] < 0.0095 else f"{choice['p']:.2f}"

@@ -80,6 +80,17 @@ def add_noise(
     return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
 
 
+def interpolated_peak(v: FloatArray, points: int = 40) -> float:
+    """Largest value [rps] of an evenly sampled speed, between its samples too: a cubic spline at so many points each.
+
+    A Fourier series would overshoot at the corners that impacts leave: on our joint by 1 %.
+    """
+    from scipy.interpolate import CubicSpline  # slow to import, and few need it
+
+    sample = np.arange(v.size)
+    return float(CubicSpline(sample, v)(np.arange(0, v.size - 1, 1 / points)).max())
+
+
 def constant_speed() -> Recording:
     """A record of twelve turns without backlash and noise: the commanded speed and nothing else."""
     t = SAMPLE_S * np.arange(2401, dtype=float)

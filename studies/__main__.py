@@ -26,10 +26,8 @@ def write_engine() -> None:
     """The paper's joint in a physics engine, and what the sensor says of its logs, into results/engine.csv."""
     from studies import engine
 
-    rows = engine.measure_all()
-    write_csv(RESULTS / "engine.csv", rows)
+    write_csv(RESULTS / "engine.csv", engine.measure_all())
     _write_sheet()
-    print(engine.describe_arms(rows))
 
 
 def write_hardware() -> None:

@@ -268,7 +268,8 @@ def measure_tuning(table: DataFrame) -> Measured:
         f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})"
         for row in untuned.itertuples()
     )
-    return tuple(untuned[_INTERVAL].max()), f"rate of the best basin, {rates}"
+    low, high = untuned[_INTERVAL[0]].min(), untuned[_INTERVAL[1]].max()
+    return (low, high), f"rate of the best basin, {rates}"
 
 
 def margin(

@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy.stats import binomtest
 
-from backlash.estimates import estimate
+from backlash.estimates import Estimate, estimate
 from backlash.refusals import Reason, Refusal
 from studies.simulated_joints import TURN, Fault, draw_log_uniform, draw_turns
 
@@ -58,7 +58,6 @@ FAULTS = {
 }
 LOGS_OF_A_FAULT = 4
 NORMAL_95 = 1.96
-COLUMNS = ("population", "delta_rad", "verdict", "reason", "low_rad", "high_rad")
 TOLD = (
     "stiffness_per_s2",
     "damping_ratio",
@@ -72,8 +71,7 @@ def measure_all(populations: Iterable[str] = (*TURNS, *FAULTS)) -> DataFrame:
     logs = {name: logs for name, (*_, logs) in TURNS.items()}
     logs |= dict.fromkeys(FAULTS, LOGS_OF_A_FAULT)
     calls = [(name, number) for name in populations for number in range(logs[name])]
-    rows = DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
-    return rows.reindex(columns=[*COLUMNS, *TOLD])
+    return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
 
 
 def measure_log(population: str, number: int) -> dict[str, object]:
@@ -84,7 +82,6 @@ def measure_log(population: str, number: int) -> dict[str, object]:
     fault, _ = FAULTS.get(population, (Fault(), ()))
     log = draw_turns(rng, delta, rng.uniform(*friction), rng.uniform(*loss), fault)
     inertia, gravity = np.exp(rng.standard_normal(2) * LOAD_SDS)
-    row: dict[str, object] = {"population": population, "delta_rad": delta}
     try:
         answer = estimate(
             log.t,
@@ -96,18 +93,24 @@ def measure_log(population: str, number: int) -> dict[str, object]:
             gravity_per_s2=gravity * log.gravity_per_s2,
         )
     except Refusal as refusal:  # of the record, before any fit
-        return row | {"verdict": "cannot tell", "reason": refusal.reason.value}
-    low, high = answer.backlash_interval_rad or (math.nan, math.nan)
-    row |= {
-        "verdict": answer.verdict,
-        "reason": answer.reason or "",
-        "low_rad": low,
-        "high_rad": high,
-    }
+        answer = Estimate("", reason=refusal.reason.value)
+    row = {"population": population, "delta_rad": delta} | describe_answer(answer)
     if answer.verdict == "backlash" and answer.joint:
         told = ((name, *answer.joint[name]) for name in TOLD)
         row |= {name: (value - log.true[name]) / sd for name, value, sd in told}
     return row
+
+
+def describe_answer(answer: Estimate) -> dict[str, object]:
+    """What a row has of an answer."""
+    low, high = answer.backlash_interval_rad or (math.nan, math.nan)
+    return {
+        "verdict": answer.verdict,
+        "reason": answer.reason or "",
+        "backlash_rad": math.nan if answer.backlash_rad is None else answer.backlash_rad,
+        "low_rad": low,
+        "high_rad": high,
+    }
 
 
 def summarise(rows: DataFrame) -> DataFrame:

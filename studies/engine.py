@@ -17,21 +17,20 @@ from pandas import DataFrame
 from backlash.estimates import Estimate, estimate
 from replication import njit
 from replication.joint import GRAVITY, TURN, Joint, identified_joint, simulate
+from replication.published import Measured
 from replication.signature import FloatArray
-from studies.datasheet import summarise
+from studies.datasheet import describe_answer, summarise
 
 SEED = 520617
 STEP_S = 1e-4
 TWIN_STEPS_S = (2.5e-5, 1e-5, 2.5e-6)
 TWIN_DELTA_RAD = 1.2e-3
-BACKLASH_RAD = (2e-4, 1.8e-3)
-_TURNS = 10.5
-_TURNS_BEFORE = 1.5
+TWIN, TURNS, HEALTHY, DRAG, ARM = "twin", "turns", "turns, healthy", "drag in the gap", "arm"
+LOGS = {TURNS: 60, HEALTHY: 20, DRAG: 40, ARM: 20}
+# Half plays [rad] of an arm's turning joint, and of its shoulder and elbow: each arm is asked with all four.
+ARM_PLAYS_RAD = ((0.0, 0.0), (6e-4, 0.0), (1.2e-3, 0.0), (0.0, 1.2e-3))
 _ENCODER_RAD = TURN / 2**17
-_TORQUE_NOISE = 0.005  # SD over gravity's torque
-_LOAD_SDS = (0.03, 0.02)  # relative, by which inertia ratio and gravity are misjudged
-_UPRIGHT = (0.0, 0.0, 1.0)  # axes of hinges; from the first link to the last
-_FORWARD = (0.0, 1.0, 0.0)
+_UPRIGHT, _FORWARD = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)  # axes of hinges
 
 
 class Link(NamedTuple):
@@ -56,6 +55,9 @@ UR5E = (
     Link(_UPRIGHT, 1.219, (0, 0, 0.1), _WRIST, (0, 0.127, 0)),
 )
 _FLANGE_M = (0.0, 0.0, 0.1)  # of wrist 3, in the link before
+# Rotor's inertia, inertia of what lies beyond, roughly, and stiffness of the gear: those of strain wave gears of the
+# sizes; no maker publishes all of them.
+_HELD = ((2e-4, 2.0, 2e4), (2e-4, 2.0, 2e4), (2e-4, 0.8, 1e4), (5e-5, 0.2, 4e3), (5e-5, 0.2, 4e3))
 
 
 class Machine(NamedTuple):
@@ -65,11 +67,6 @@ class Machine(NamedTuple):
     links: tuple[Link, ...]
     deltas_rad: tuple[float, ...]
     drag: float = 0.0  # share of the dampers that acts in the gap, too
-
-    @property
-    def turning(self) -> Joint:
-        """The joint that turns."""
-        return self.joints[-1]
 
     def of_joints(self, name: str) -> FloatArray:
         """A field of each joint."""
@@ -83,13 +80,6 @@ class EngineLog(NamedTuple):
     position_rad: FloatArray
     torque: FloatArray
     load: Mapping[str, float]  # options of `estimate`
-
-
-def mount_joint(joint: Joint, delta_rad: float, drag: float = 0.0) -> Machine:
-    """A joint on stiff ground, and a body that hangs from it with its J_l and G, half of J_l as a point's."""
-    arm, own = GRAVITY * joint.J_l / (2 * joint.G), joint.J_l / 2
-    load = Link(_FORWARD, joint.G / (GRAVITY * arm), (0, 0, -arm), (own, own, own))
-    return Machine((joint,), (load,), (delta_rad,), drag)
 
 
 # ----------------------------------------------------------------------------------------------------- the engine
@@ -150,39 +140,12 @@ def damp_gears(position, speed, gears, applied):
         applied[joints + k] = torque
 
 
-class Drives:
-    """The drives of a machine, as `replication.joint` describes them."""
-
-    def __init__(self, machine: Machine, position: FloatArray, torque: FloatArray):
-        self.gains = {name: machine.of_joints(name) for name in ("K_pos", "K_p", "K_i", "K_d")}
-        self.gains |= {name: machine.of_joints(name) for name in ("K_w", "w_rate", "Omega")}
-        self.start = position
-        self.integral = torque
-        self.leaky = np.zeros_like(torque)
-        self.last = np.zeros_like(torque)
-        self.pending = [torque] * machine.turning.delay
-
-    def command(
-        self, t: float, position: FloatArray, speed: FloatArray, period: float
-    ) -> FloatArray:
-        """The torques to hold in the period that begins."""
-        k = self.gains
-        slow = k["Omega"] - speed
-        error = k["K_pos"] * (self.start + k["Omega"] * t - position) + slow
-        self.integral = self.integral + k["K_i"] * period * error
-        self.leaky = self.leaky + period * (slow - k["w_rate"] * self.leaky)
-        damping = k["K_d"] * (self.last - slow) / period
-        self.last = slow
-        self.pending.append(k["K_p"] * error + self.integral + k["K_w"] * self.leaky - damping)
-        return self.pending.pop(0)
-
-
 def _balance(machine: Machine, model: Any) -> Any:
     """The machine's state `lead` before t = 0: at its speed, teeth in contact, torques in balance."""
     import mujoco
 
     N, Omega = machine.of_joints("N"), machine.of_joints("Omega")
-    angle = machine.of_joints("start_angle") - Omega / N * machine.turning.lead
+    angle = machine.of_joints("start_angle") - Omega / N * machine.joints[-1].lead
     data = mujoco.MjData(model)
     data.qpos[:] = [*N * angle, *angle]
     data.qvel[:] = [*Omega, *Omega / N]
@@ -202,18 +165,29 @@ def run_engine(machine: Machine, periods: int, step_s: float = STEP_S) -> FloatA
     """Motor position [rad], speed [rad/s] and torque [N m] of the joint that turns, a row a period of its drive."""
     import mujoco
 
-    model, count, period = build_model(machine, step_s), len(machine.joints), machine.turning.period
+    count, period, delay = len(machine.joints), machine.joints[-1].period, machine.joints[-1].delay
+    names = ("N", "K_s", "D_s", "Omega", "K_pos", "K_p", "K_i", "K_d", "K_w", "w_rate")
+    N, K_s, D_s, Omega, K_pos, K_p, K_i, K_d, K_w, w_rate = map(machine.of_joints, names)
+    gears = np.vstack([N, K_s, D_s, machine.deltas_rad, np.full(count, machine.drag)])
+    model = build_model(machine, step_s)
     data = _balance(machine, model)
-    position, speed, torque, applied = data.qpos, data.qvel, data.act, data.qfrc_applied
-    drives = Drives(machine, position[:count].copy(), torque.copy())
-    of_gears = [machine.of_joints(name) for name in ("N", "K_s", "D_s")]
-    gears = np.vstack([*of_gears, machine.deltas_rad, np.full(count, machine.drag)])
+    motor, start = data.qpos[:count], data.qpos[:count].copy()  # the first is a view
+    integral, leaky, last = data.act.copy(), np.zeros(count), np.zeros(count)
+    pending = [integral] * delay
     rows = np.empty((periods, 3))
     for i in range(periods):
-        rows[i] = position[count - 1], speed[count - 1], torque[-1]
-        data.ctrl[:] = drives.command(i * period, position[:count], speed[:count], period)
+        rows[i] = motor[-1], data.qvel[count - 1], data.act[-1]
+        # The drives, as `replication.joint` describes them.
+        slow = Omega - data.qvel[:count]
+        error = K_pos * (start + Omega * (i * period) - motor) + slow
+        integral = integral + K_i * period * error
+        leaky = leaky + period * (slow - w_rate * leaky)
+        damping = K_d * (last - slow) / period
+        last = slow
+        pending.append(K_p * error + integral + K_w * leaky - damping)
+        data.ctrl[:] = pending.pop(0)
         for _ in range(round(period / step_s)):
-            damp_gears(position, speed, gears, applied)
+            damp_gears(data.qpos, data.qvel, gears, data.qfrc_applied)
             mujoco.mj_step(model, data)
     return rows
 
@@ -231,6 +205,13 @@ def measure_twin(step_s: float) -> float:
 # ------------------------------------------------------------------------------------------------ what is drawn
 
 
+def mount_joint(joint: Joint, delta_rad: float, drag: float = 0.0) -> Machine:
+    """A joint on stiff ground, and a body that hangs from it with its J_l and G, half of J_l as a point's."""
+    arm, own = GRAVITY * joint.J_l / (2 * joint.G), joint.J_l / 2
+    load = Link(_FORWARD, joint.G / (GRAVITY * arm), (0, 0, -arm), (own, own, own))
+    return Machine((joint,), (load,), (delta_rad,), drag)
+
+
 def draw_joint(rng: Generator, delta_rad: float, drag: float = 0.0) -> Machine:
     """Draw a joint that turns round a load of 4 to 25 kg, and whose drive is tuned to it."""
     mass, arm = rng.uniform(4, 25), rng.uniform(0.15, 0.5)
@@ -245,7 +226,7 @@ def _draw_turning(
     """Draw rotor, gear, friction and drive of a joint that turns round."""
     ratio, ring = rng.uniform(0.6, 4), TURN * rng.uniform(*rings_hz)
     J_m = J_l / (N**2 * ratio)
-    turn_s = rng.uniform(0.8, 2.2)
+    Omega = TURN * N / rng.uniform(0.8, 2.2)
     bandwidth = TURN * rng.uniform(8, 30)
     K_p = J_m * bandwidth * (1 + 0.3 * ratio)
     return Joint(
@@ -254,19 +235,19 @@ def _draw_turning(
         J_l=J_l,
         G=G,
         K_s=J_l * ring**2,
-        K_pos=rng.uniform(0, 0.2) * bandwidth,
-        K_p=K_p,
-        K_i=K_p * bandwidth / rng.uniform(4, 10),
+        Omega=Omega,
         K_d=0.0,
         K_w=0.0,
         w_rate=0.0,
+        lead=0.0,
+        delay=0,
+        K_p=K_p,
+        K_pos=rng.uniform(0, 0.2) * bandwidth,
+        K_i=K_p * bandwidth / rng.uniform(4, 10),
         torque_lag=rng.uniform(3e-4, 1e-3),
         start_angle=rng.uniform(0, TURN),
-        lead=0.0,
         D_s=2 * rng.uniform(0.01, 0.06) * ring * J_l,
-        delay=0,
-        Omega=TURN * N / turn_s,
-        motor_viscous=rng.uniform(0, 0.2) * G / N / (TURN * N / turn_s),
+        motor_viscous=rng.uniform(0, 0.2) * G / N / Omega,
         motor_coulomb=rng.uniform(0.05, 0.5) * G / N,
         load_coulomb=rng.uniform(0.02, 0.3) * G,
     )
@@ -275,8 +256,7 @@ def _draw_turning(
 def draw_arm(rng: Generator, turning_rad: float, others_rad: float) -> Machine:
     """Draw an arm of 5 kg whose last joint turns an off-centre payload round a horizontal axis.
 
-    Half plays are those of that joint, and of shoulder and elbow. Stiffness and rotors are those of strain wave gears
-    of the sizes; no maker publishes all of them.
+    Half plays are those of that joint, and of shoulder and elbow.
     """
     mass, arm = rng.uniform(2, 4.5), rng.uniform(0.1, 0.25)
     own = mass * arm**2 * rng.uniform(0.05, 0.3)
@@ -284,60 +264,22 @@ def draw_arm(rng: Generator, turning_rad: float, others_rad: float) -> Machine:
     last = _draw_turning(rng, 101.0, mass * arm**2 + own, GRAVITY * mass * arm, (14, 35))
     shoulder, elbow = rng.uniform(-1.4, -1.0), rng.uniform(0.8, 1.2)
     pose = rng.uniform(-1, 1), shoulder, elbow, -shoulder - elbow, rng.uniform(-0.8, 0.8)
-    stiffness = 2e4, 2e4, 1e4, 4e3, 4e3
-    rotors = 2e-4, 2e-4, 2e-4, 5e-5, 5e-5
-    inertias = 2.0, 2.0, 0.8, 0.2, 0.2  # roughly, of what lies beyond
-    holding = [
-        last._replace(
+    still = last._replace(
+        K_pos=20.0, Omega=0.0, motor_viscous=0.0, motor_coulomb=0.02, load_coulomb=0.0
+    )
+    held = [
+        still._replace(
+            start_angle=angle,
             J_m=J_m,
             J_l=J_l,
             K_s=K_s,
             D_s=0.06 * math.sqrt(K_s * J_l),
             K_p=J_m * last.K_p / last.J_m,
             K_i=J_m * last.K_i / last.J_m,
-            K_pos=20.0,
-            start_angle=angle,
-            Omega=0.0,
-            motor_viscous=0.0,
-            motor_coulomb=0.02,
-            load_coulomb=0.0,
         )
-        for J_m, J_l, K_s, angle in zip(rotors, inertias, stiffness, pose, strict=True)
+        for angle, (J_m, J_l, K_s) in zip(pose, _HELD, strict=True)
     ]
-    deltas = 0.0, others_rad, others_rad, 0.0, 0.0, turning_rad
-    return Machine((*holding, last), (*UR5E, payload), deltas)
-
-
-def make_log(machine: Machine, seed: int | Generator) -> EngineLog:
-    """What a drive with an encoder of 17 bits logs of a machine, and what an engineer says of its load."""
-    rng = np.random.default_rng(seed)
-    joint = machine.turning
-    every = int(rng.choice([2, 4]))  # periods between samples
-    before, during = (
-        round(turns * joint.turn_period / joint.period) for turns in (_TURNS_BEFORE, _TURNS)
-    )
-    position, _, torque = run_engine(machine, before + during)[before::every].T
-    noise = _TORQUE_NOISE * joint.G / joint.N
-    inertia, gravity = np.exp(rng.standard_normal(2) * _LOAD_SDS)
-    return EngineLog(
-        every * joint.period * np.arange(position.size),
-        np.floor(position / _ENCODER_RAD) * _ENCODER_RAD,
-        torque + noise * rng.standard_normal(torque.size),
-        {
-            "gear_ratio": joint.N,
-            "inertia_ratio": inertia * joint.J_l / (joint.N**2 * joint.J_m),
-            "gravity_per_s2": gravity * joint.G / joint.J_l,
-        },
-    )
-
-
-# ------------------------------------------------------------------------------------------------ what is asked
-
-TWIN, TURNS, HEALTHY, DRAG, ARM = "twin", "turns", "turns, healthy", "drag in the gap", "arm"
-LOGS = {TURNS: 60, HEALTHY: 20, DRAG: 40, ARM: 20}
-_DRAGS = np.linspace(0.1, 1.0, LOGS[DRAG])
-# Half plays [rad] of an arm's turning joint, and of its shoulder and elbow: each arm is asked with all four.
-ARM_PLAYS_RAD = ((0.0, 0.0), (6e-4, 0.0), (1.2e-3, 0.0), (0.0, 1.2e-3))
+    return Machine((*held, last), (*UR5E, payload), (0, others_rad, others_rad, 0, 0, turning_rad))
 
 
 def draw_machine(population: str, number: int) -> Machine:
@@ -346,19 +288,37 @@ def draw_machine(population: str, number: int) -> Machine:
         arm, plays = divmod(number, len(ARM_PLAYS_RAD))
         return draw_arm(_generator(population, arm), *ARM_PLAYS_RAD[plays])
     rng = _generator(population, number)
-    delta = rng.uniform(*BACKLASH_RAD)
+    delta = rng.uniform(2e-4, 1.8e-3)
     if population == HEALTHY or (population == DRAG and number % 5 == 4):
         delta = 0.0
-    return draw_joint(rng, delta, _DRAGS[number] if population == DRAG else 0.0)
+    drag = np.linspace(0.1, 1.0, LOGS[DRAG])[number] if population == DRAG else 0.0
+    return draw_joint(rng, delta, drag)
 
 
 def _generator(population: str, *numbers: int) -> Generator:
     return np.random.default_rng((SEED, [*LOGS].index(population), *numbers))
 
 
-def ask_sensor(log: EngineLog, **options: Any) -> Estimate:
-    """What the sensor says of a log."""
-    return estimate(log.t, log.position_rad, position=True, unit="rad", **options)
+def make_log(machine: Machine, rng: Generator) -> EngineLog:
+    """What a drive with an encoder of 17 bits logs of a machine in 10.5 turns, and what is said of its load.
+
+    The torque's noise is 0.5 % of gravity's torque; inertia ratio and gravity are misjudged by 3 and 2 % (SD).
+    """
+    joint = machine.joints[-1]
+    every = int(rng.choice([2, 4]))  # periods between samples
+    before, during = (round(turns * joint.turn_period / joint.period) for turns in (1.5, 10.5))
+    position, _, torque = run_engine(machine, before + during)[before::every].T
+    inertia, gravity = np.exp(rng.standard_normal(2) * (0.03, 0.02))
+    return EngineLog(
+        every * joint.period * np.arange(position.size),
+        np.floor(position / _ENCODER_RAD) * _ENCODER_RAD,
+        torque + 0.005 * joint.G / joint.N * rng.standard_normal(torque.size),
+        {
+            "gear_ratio": joint.N,
+            "inertia_ratio": inertia * joint.J_l / (joint.N**2 * joint.J_m),
+            "gravity_per_s2": gravity * joint.G / joint.J_l,
+        },
+    )
 
 
 def log_of(population: str, number: int) -> EngineLog:
@@ -367,42 +327,38 @@ def log_of(population: str, number: int) -> EngineLog:
     return make_log(draw_machine(population, number), _generator(population, drawn, 1))
 
 
+# ------------------------------------------------------------------------------------------------ what is asked
+
+
+def ask_sensor(log: EngineLog, **options: Any) -> Estimate:
+    """What the sensor says of a log."""
+    return estimate(log.t, log.position_rad, position=True, unit="rad", **options)
+
+
 def measure_log(population: str, number: int) -> dict[str, object]:
-    """Ask the sensor of a log: by the torque, and of an arm for the index A, too."""
+    """Ask the sensor of a log: by the torque, and of an arm for the index A, too; or measure a step of the twin."""
+    row: dict[str, object] = {"population": population, "number": number}
+    if population == TWIN:
+        step_s = TWIN_STEPS_S[number]
+        return row | {"delta_rad": TWIN_DELTA_RAD, "step_s": step_s, "nrmse": measure_twin(step_s)}
     machine, log = draw_machine(population, number), log_of(population, number)
     answer = ask_sensor(log, torque=log.torque, **log.load)
-    low, high = answer.backlash_interval_rad or (math.nan, math.nan)
-    return {
-        "population": population,
-        "number": number,
+    row |= {
         "delta_rad": machine.deltas_rad[-1],
         "others_rad": max(machine.deltas_rad[:-1], default=0.0),
         "drag": machine.drag,
-        "verdict": answer.verdict,
-        "reason": answer.reason or "",
-        "backlash_rad": math.nan if answer.backlash_rad is None else answer.backlash_rad,
-        "low_rad": low,
-        "high_rad": high,
-        "amplitude_rps": _index(log) if population == ARM else math.nan,
+        **describe_answer(answer),
     }
-
-
-def _index(log: EngineLog) -> float | None:
-    """The paper's A [rps], by the speed alone."""
-    return ask_sensor(log, gear_ratio=log.load["gear_ratio"]).amplitude_rps
+    if population == ARM:  # by the speed alone
+        row["amplitude_rps"] = ask_sensor(log, gear_ratio=log.load["gear_ratio"]).amplitude_rps
+    return row
 
 
 def measure_all() -> DataFrame:
     """The paper's joint at each step, then what the sensor says of each log, a row a log."""
-    calls = [(population, number) for population, logs in LOGS.items() for number in range(logs)]
-    asked = Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls)
-    return DataFrame([*map(measure_step, range(len(TWIN_STEPS_S))), *asked])
-
-
-def measure_step(number: int) -> dict[str, object]:
-    """The paper's joint at one of `TWIN_STEPS_S`."""
-    of_step = {"step_s": TWIN_STEPS_S[number], "nrmse": measure_twin(TWIN_STEPS_S[number])}
-    return {"population": TWIN, "number": number, "delta_rad": TWIN_DELTA_RAD} | of_step
+    logs = {TWIN: len(TWIN_STEPS_S), **LOGS}
+    calls = [(population, number) for population in logs for number in range(logs[population])]
+    return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
 
 
 def compare_arms(rows: DataFrame) -> DataFrame:
@@ -412,16 +368,17 @@ def compare_arms(rows: DataFrame) -> DataFrame:
     return DataFrame(A, columns=["none", "turning", "twice", "others"])
 
 
-def describe_arms(rows: DataFrame) -> str:
-    """What is found on the simulated arm, by the paper's index and by the torque; the play is half of the gap."""
+def measure_arms(rows: DataFrame) -> Measured:
+    """No number, because no robot's log is public; beside it what the paper's index and the torque say of the arms."""
     A, arms = compare_arms(rows), rows[rows["population"] == ARM]
-    rises = ((A["turning"] > A["none"]) & (A["twice"] > A["turning"])).sum()
+    rises = (A["turning"] > A["none"]) & (A["twice"] > A["turning"])
     gain, other = A["twice"] - A["none"], (A["others"] - A["none"]).abs().max()
-    sheet = summarise(arms).iloc[0]
-    return (
-        f"simulated arm: A rises with the play of the turning joint on {rises} of {len(A)} arms (by {gain.min():.2f} "
-        f"to {gain.max():.2f} rps at {1e3 * max(ARM_PLAYS_RAD)[0]:g} mrad), shoulder's and elbow's play moves it by "
-        f"{other:.1g} rps at most, but without any play A is {A['none'].min():.1f} to {A['none'].max():.1f} rps: it "
-        f"tells a change on one robot, no backlash; by torque {sheet['answered']} of {sheet['joints']} logs with play "
-        f"are answered and {sheet['wrong']} of {len(arms)} wrong"
+    largest, sheet = A["none"].max(), summarise(arms).iloc[0]
+    return (math.nan, math.nan), (
+        "the robots' logs were never published, and their backlash was not measured. Simulated arm: A rises with each "
+        f"step of the turning joint's play on {rises.sum()} of {len(A)} arms, by {gain.min():.2f} to {gain.max():.2f} "
+        f"rps at {1e3 * max(ARM_PLAYS_RAD)[0]:g} mrad; the play of shoulder and elbow moves it by {other:.1g} rps at "
+        f"most; without play it is {A['none'].min():.1f} to {largest:.1f} rps, the largest above that of "
+        f"{(A['twice'] < largest).sum()} arms with play. By torque {sheet['answered']} of {sheet['joints']} logs with "
+        f"play are answered, {sheet['wrong']} of {len(arms)} wrong"
     )

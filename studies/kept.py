@@ -81,8 +81,6 @@ def remake_engine_log(row: Row) -> Row:
     """A run of the physics engine, and what the sensor says of it."""
     from studies import engine
 
-    if row["population"] == engine.TWIN:
-        return engine.measure_step(row["number"])
     return engine.measure_log(row["population"], row["number"])
 
 
@@ -94,7 +92,7 @@ KEPT = {
     "alpha_refit": Kept("make studies NAME=claims", remake_alpha),
     "datasheet": Kept("make studies NAME=datasheet", remake_population, -1),
     "hardware": Kept("make studies NAME=hardware", remake_hardware),
-    "engine": Kept("make studies NAME=engine", remake_engine_log),
+    "engine": Kept("make studies NAME=engine", remake_engine_log, 3),
 }
 # Seconds: of a day and a machine, which the tables name.
 TIMED = {"peers": "make bench", "notebook_times": "make bench"}

@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.files import ROOT, UserError, write_bytes, write_json
+from replication.files import ROOT, UserError, as_json, write_bytes, write_files
 from workbook.parent import end_with_make
 
 
@@ -76,22 +76,25 @@ def check() -> int:
 
     refuse_missing()
     verdicts = judging.verdicts(RESULTS)
-    print(report.list_numbers(verdicts))
+    print(report.list_verdicts(verdicts, judging.claims(RESULTS)))
     surprises = report.find_surprises(verdicts)
     for cell in surprises:
         print(f"{cell}: differs, which is not expected")
     return int(bool(surprises))
 
 
-def verify() -> None:
-    """Write versions, processor, hashes and verdicts to verification.json, for whoever asks."""
-    from workbook.outcomes import RESULTS, refuse_missing
-    from workbook.provenance import manifest
+def verify() -> int:
+    """Write to verification.json and .md what ran here and whether it made what is committed; exit 1 if not."""
+    from workbook.certificate import certify, find_differences, write_certificate
+    from workbook.outcomes import refuse_missing
 
     refuse_missing()
-    path = ROOT / "verification.json"
-    write_json(path, manifest(RESULTS))
-    print(path)
+    about = certify()
+    page = write_certificate(about)
+    written = {"verification.json": as_json(about), "verification.md": page.encode()}
+    write_files({ROOT / name: content for name, content in written.items()})
+    print(page)
+    return int(bool(find_differences(about)))
 
 
 def lab() -> None:

@@ -67,9 +67,10 @@ def span(numbers: Any, form: str) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def write_p(p: float) -> str:
-    """Write a p with two digits, or what it is below: 0.44, 0.0031, below 0.001."""
-    return "below 0.001" if p < 0.001 else f"{p:.2g}"
+def write_p(p: float, least: float = 0.0) -> str:
+    """Write a p with two digits, or what it is below; 0.44, below 0.001, "at most 0.0031" if it can be no less."""
+    bound = "at most " if p <= 1.001 * least else ""
+    return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
 def write_rejections(tests: evidence.Rejections) -> str:
@@ -112,6 +113,13 @@ def count_by(cells: pd.DataFrame, key: str, order: Iterable[str]) -> pd.DataFram
     """Count printed numbers by agreement, and by "element" or "source", in an order that may end in "all"."""
     counts = pd.crosstab(cells[key], cells["shown"], margins=True, margins_name="all")
     return counts.reindex(index=[*order], columns=VERDICTS, fill_value=0)
+
+
+def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
+    """Run time of the notebooks that make an element's numbers [s], as `results/notebook_times.csv` has it."""
+    seconds = read_kept("notebook_times").set_index("notebook")["seconds"]
+    makers = cells[cells["notebook"] != ""].groupby("element")["notebook"].unique()
+    return {element: int(seconds.loc[names].sum()) for element, names in makers.items()}
 
 
 def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
@@ -185,6 +193,7 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.set_index("id").to_dict("index"),
         "by_element": count_by(cells, "element", [*cells["element"].unique(), "all"]),
+        "seconds": measured_seconds(cells),
         "by_source": count_by(cells, "source", judging.SOURCES),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
@@ -271,12 +280,25 @@ def write_report(results: Path, readme: Path) -> list[Path]:
     return [*written]
 
 
-def list_numbers(verdicts: pd.DataFrame) -> str:
-    """Every printed number with ours, the interval and the verdict, as `make check` prints them, and the counts."""
-    shown = describe_cells(verdicts)[["id", "printed", "ours", "interval", "agreement"]]
-    counts = verdicts["agreement"].value_counts().reindex([*judging.AGREEMENTS], fill_value=0)
-    total = ", ".join(f"{count} {name}" for name, count in counts.items())
-    return f"{shown.to_string(index=False)}\n\n{len(verdicts)} printed numbers: {total}"
+def list_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> str:
+    """Every printed number and every claim, as `make check` prints them, in groups: first what differs."""
+    cells = describe_cells(verdicts).join(published.cells()["unit"], on="id")
+    columns = ["id", "printed", "ours", "interval", "unit", "source", "reason"]
+    groups = []
+    for agreement in ("differs", "not tested", "agrees"):
+        chosen = cells.loc[cells["agreement"] == agreement, columns]
+        groups.append((f"{len(chosen)} of {len(cells)} printed numbers: {agreement}", chosen))
+    for verdict in ("does not hold", "undecided", "holds"):
+        chosen = claims.loc[claims["verdict"] == verdict, ["id", "measured"]]
+        groups.append((f"{len(chosen)} of {len(claims)} claims: {verdict}", chosen))
+    return "\n\n".join(f"{title}\n{_align(table)}" for title, table in groups)
+
+
+def _align(table: pd.DataFrame) -> str:
+    """A table's texts in columns, the last one as long as it is."""
+    *first, last = (table[name].astype(str) for name in table)
+    columns = [[f"{text:{column.str.len().max()}}" for text in column] for column in first]
+    return "\n".join(map("  ".join, zip(*columns, last, strict=True)))
 
 
 def find_surprises(verdicts: pd.DataFrame) -> list[str]:

@@ -12,10 +12,15 @@ from pathlib import Path
 from typing import Any
 
 
+def sha256_of(content: bytes) -> str:
+    """SHA-256 of some bytes."""
+    return hashlib.sha256(content).hexdigest()
+
+
 def sha256(file: Path) -> str:
     """SHA-256 of a file; "" where none can be read."""
     try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()
+        return sha256_of(file.read_bytes())
     except OSError:
         return ""
 

@@ -11,9 +11,9 @@ from backlash.refusals import one_line, option_of, unit_of
 _ABOUT = (
     "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint must "
     "turn round, four turns or more in one direction (twelve are good) at constant speed, about a horizontal axis, "
-    "with an off-centre load whose gravity is above its friction. All other axes stand still, the base is stiff, the "
-    "gear is warm. Strokes to and fro are not answered, so no axis with end stops is. Its errors are known from "
-    "simulated joints alone, with turns of 0.5 to 2.5 s; slower ones tell less."
+    "with an off-centre load whose gravity is above its friction. All other axes are held still, base and arm are "
+    "stiff beside the payload, the gear is warm. Strokes to and fro are not answered, so no axis with end stops is. "
+    "Its errors are known from simulated joints alone, with turns of 0.5 to 2.5 s; slower ones tell less."
 )
 _STATUS = (
     "Exit status: 0 done, also where it cannot tell, 1 a defect, 2 unusable input, 130 interrupted."
@@ -29,11 +29,12 @@ _WRONG = (
     'What can go wrong is told by "cannot tell" and its reason: "not constant speed", strokes or an override that '
     'changes; "no gravity in the torque", a vertical axis, a balanced load, a torque of the wrong sign or motor; "no '
     'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
-    'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, a belt, an error of '
-    'the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. Often not '
-    "seen are wrong load data that fit nevertheless, and an error of the gear that is sampled too slowly: compare the "
-    'printed stiffness, efficiency and friction with the data sheet. Without a torque the answer is "no torque", with '
-    "the paper's index A: compare it only with logs of the same joint in the same movement. "
+    'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, an arm that swings (its '
+    "first swing, at 6 to 15 Hz, usually refuses a wrist's log), a belt, an error of the gear, a torque logged late; "
+    '"too noisy", "two backlashes fit", too few turns or samples. Often not seen are wrong load data that fit '
+    "nevertheless, and an error of the gear that is sampled too slowly: compare the printed stiffness, efficiency and "
+    'friction with the data sheet. Without a torque the answer is "no torque", with the paper\'s index A: compare it '
+    "only with logs of the same joint in the same movement. "
 )
 _TORQUE = (
     "--torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio and --gravity. "

@@ -10,9 +10,11 @@ class Limits:
     # Files.
     most_bytes: int = 64 * 2**20  # of a log, packed or not
     most_style_bytes: int = 2 * 2**20  # of a workbook's parts but its sheets and texts
+    most_style_tags: int = 100_000  # of these parts: some seconds
     most_cells: int = 8_000_000  # of a table: an hour at 500 Hz of four columns
     most_columns: int = 4096
     most_list_bytes: int = 16 * 2**20  # of a table of logs
+    most_logs: int = 100_000  # of such a table: the parent holds 3 kB for each
 
     # Time stamps.
     most_hz: float = 1e6  # no logger samples faster; the stamps have another unit

@@ -53,12 +53,10 @@ def _unpacking() -> Iterator[None]:
 
 def read_parquet(content: bytes) -> pd.DataFrame:
     """Read the numbers of a Parquet file; its other columns are empty."""
-    parquet = library("pyarrow.parquet", "parquet")
-    with _unpacking(), parquet.ParquetFile(io.BytesIO(content)) as file:
-        schema = file.schema_arrow
+    with _unpacking():
+        schema = _schema_of(content)
         numeric = [field.name for field in schema if str(field.type).startswith(_NUMERIC)]
-        check_size(file.metadata.num_rows, max(len(schema), 1))
-        table = file.read(columns=numeric, use_threads=False)
+        table = _read_rows(content, numeric, len(schema))
         frame = table.to_pandas(ignore_metadata=True).reindex(columns=schema.names)
     frame.index = frame.index + 1
     return frame
@@ -66,18 +64,42 @@ def read_parquet(content: bytes) -> pd.DataFrame:
 
 def read_parquet_text(content: bytes) -> pd.DataFrame:
     """Read all of a small Parquet file; text stays packed, so that a long one that is repeated is held once."""
-    parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
-    with _unpacking(), parquet.ParquetFile(io.BytesIO(content)) as file:
-        check_size(file.metadata.num_rows, len(file.schema_arrow))
-        texts = [
-            f.name
-            for f in file.schema_arrow
-            if pyarrow.types.is_large_string(f.type) or pyarrow.types.is_string(f.type)
-        ]
+    types = library("pyarrow", "parquet").types
     with _unpacking():
-        return parquet.read_table(
-            io.BytesIO(content), read_dictionary=texts, use_threads=False
-        ).to_pandas()
+        schema = _schema_of(content)
+        texts = [f.name for f in schema if types.is_large_string(f.type) or types.is_string(f.type)]
+        table = _read_rows(content, schema.names, len(schema), read_dictionary=texts)
+        if sum(map(_unpacked_bytes, table.select(texts).columns)) > LIMITS.most_list_bytes:
+            raise Refusal(f"its texts unpack to more than {LIMITS.most_list_bytes // 2**20} MiB")
+        return table.to_pandas()
+
+
+def _unpacked_bytes(column: Any) -> int:
+    """Bytes of a column of texts, each of which is held once."""
+    compute = library("pyarrow.compute", "parquet")
+    of_chunks = [
+        compute.sum(compute.binary_length(chunk.dictionary).take(chunk.indices)).as_py()
+        for chunk in column.chunks
+    ]
+    return sum(each or 0 for each in of_chunks)
+
+
+def _schema_of(content: bytes) -> Any:
+    parquet = library("pyarrow.parquet", "parquet")
+    return parquet.read_schema(io.BytesIO(content))
+
+
+def _read_rows(content: bytes, columns: list[str], width: int, **options: Any) -> Any:
+    """Read some columns of a Parquet table, row by row: its footer may say that there are fewer than there are."""
+    parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
+    batches, rows = [], 0
+    with parquet.ParquetFile(io.BytesIO(content), **options) as file:
+        check_size(file.metadata.num_rows, max(width, 1))
+        for batch in file.iter_batches(columns=columns, use_threads=False):
+            rows += batch.num_rows
+            check_size(rows, max(width, 1))
+            batches.append(batch)
+        return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
 
 
 def is_workbook(content: bytes) -> bool:
@@ -107,11 +129,13 @@ def _check_parts(content: bytes) -> None:
         if sum(part.file_size for part in parts) > LIMITS.most_bytes:
             raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
         others = [p for p in parts if not _SHEET.fullmatch(p.filename)]
-        extra = sum(p.file_size for p in others if p.filename.endswith((".xml", ".rels")))
-        if extra > LIMITS.most_style_bytes:
+        texts = [p for p in others if p.filename.endswith((".xml", ".rels"))]
+        if (extra := sum(p.file_size for p in texts)) > LIMITS.most_style_bytes:
             raise Refusal(
                 f"its styles and relations unpack to {extra / 2**20:.0f} MiB; save the log as CSV"
             )
+        if (tags := sum(bundle.read(p).count(b"<") for p in texts)) > LIMITS.most_style_tags:
+            raise Refusal(f"its styles and relations have {tags:,} entries; save the log as CSV")
         for part in set(parts) - set(others):
             sheet = bundle.read(part)
             # A cell has four signs, a hostile one a single one.

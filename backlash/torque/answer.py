@@ -244,8 +244,8 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
             f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[farthest]} "
             f"{off[farthest]:+.1f}, gravity {off[GRAVITY]:+.1f} and inertia ratio {off[RATIO]:+.1f} SDs off, gear loss "
             f"{best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by {best.theta[FILTER]:.1f} ms); are "
-            "the load's data right? are all other axes held still, and is the arm stiff beside the payload? is "
-            "there a belt, or an error of the gear?",
+            "the load's data right? are all other axes held still, and is the arm stiff beside the payload (its "
+            "first swing, at 6 to 15 Hz, usually refuses a wrist's log)? is there a belt, or an error of the gear?",
             Reason.NO_FIT,
         )
 

@@ -8,7 +8,6 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 
 import workbook
 from replication import cmaes, evidence, figures, misfit, published, table2
@@ -95,17 +94,17 @@ clean = load_clean(12)
 ours = replay.replay_stored_runs(clean)
 compared = replay.compare_generations(ours)
 ended = replay.compare_ends(ours)
-figure, axis = plt.subplots(figsize=(6, 3), layout="constrained")
+figure, ((axis,),) = figures.grid(height_in=2.6)
 for _, part in compared.dropna().groupby("run"):
     differences = np.maximum(part["difference_rps"], 1e-17)
-    axis.semilogy(part["generation"], differences, linewidth=0.7)
-axis.axhline(replay.AGREE_RPS, color="k", linestyle=":")
+    axis.semilogy(part["generation"], differences, **figures.RESIDUAL)
+axis.axhline(replay.AGREE_RPS, **figures.DOTTED, label="called the same below")
 axis.set(xlabel="generation", ylabel="|ours $-$ stored| [rps]")
 workbook.show_figure(
     "replay_differences",
-    figure,
-    f"Lowest misfits of {compared['run'].nunique()} replayed runs against the stored "
-    "ones, at the printed generations; 0 is drawn at 1e-17.",
+    figures.finish(figure, 1),
+    f"Lowest misfits of {compared['run'].nunique()} replayed runs against the "
+    "stored ones, at the printed generations; 0 is drawn at 1e-17.",
 )
 
 # %%
@@ -126,9 +125,9 @@ basins
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.say(
     f"{agreeing} of {len(compared)} printed generations agree within "
-    f"{replay.AGREE_RPS:.0e} rps, and {same_end.sum()} of {len(ended)} runs end at the "
-    "stored misfit. A run leaves the stored one where rounding decides the sign of an "
-    f"eigenvector. The stored runs end in {len(basins)} basins."
+    f"{replay.AGREE_RPS:.0e} rps, and {same_end.sum()} of {len(ended)} runs end at "
+    "the stored misfit. A run leaves the stored one where rounding decides the "
+    f"sign of an eigenvector. The stored runs end in {len(basins)} basins."
 )
 
 # %% [markdown]
@@ -205,15 +204,15 @@ nearly = replayed["runs"][
     np.isclose(replayed.index.get_level_values("shift"), least)
 ]
 of_bounds = (
-    f"Of Table 1's {len(cells)} bounds {agreement.get('agrees', 0)} are those of the "
-    f"stored runs, {agreement.get('differs', 0)} differ, "
+    f"Of Table 1's {len(cells)} bounds {agreement.get('agrees', 0)} are those of "
+    f"the stored runs, {agreement.get('differs', 0)} differ, "
     f"{agreement.get('not tested', 0)} cannot be tested"
 )
 workbook.say(
     f"With a bound moved by {100 * least:g} % at most {nearly.max():.0f} of "
     f"{len(stored)} runs come out. {of_bounds}. The stored runs had a box of $A$ "
-    f"{factor} times the printed one, which a comment of their notebook calls a later "
-    f"change. The record repeats after {period:.3f} s; printed are "
+    f"{factor} times the printed one, which a comment of their notebook calls a "
+    f"later change. The record repeats after {period:.3f} s; printed are "
     f"{published.value('table1.T_f.max')} s."
 )
 
@@ -226,17 +225,15 @@ workbook.say(
 # %%
 peers = workbook.read_kept("peers").set_index("search")
 peers = peers.sort_values("seconds_to_99_percent", ascending=False)
-figure, axis = plt.subplots(
-    figsize=(6, 0.4 * len(peers) + 0.8), layout="constrained"
-)
-axis.barh(peers.index, peers["seconds_to_99_percent"], color="0.7")
-axis.set(
-    xscale="log", xlabel="seconds until the best minimum is found with 99 % [s]"
-)
+figure, ((axis,),) = figures.grid(height_in=0.25 * len(peers) + 0.6)
+axis.semilogx(peers["seconds_to_99_percent"], peers.index, "o", **figures.OURS)
+axis.set(xlabel="CPU time [s]", ylabel="search")
 workbook.show_figure(
     "search_peers",
     figure,
-    "CPU time of repeated runs until one of them has found the best minimum with 99 %.",
+    "CPU time of repeated runs until one of them has found the best minimum with "
+    "99 %; all with our compiled misfit and a population of 300, but where 600 is "
+    f"named. {peers['runs'].min()} to {peers['runs'].max()} runs each.",
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -260,9 +257,10 @@ workbook.show_figure(
     "table2_multiverse",
     figures.multiverse(multiverse),
     "The printed table as one more of ours: a $p$ in each cell, shaded below 0.05, "
-    "0.01 and 0.001; with ≤ where none of our tables lies as far out. *In interval*: "
-    "how many printed numbers lie in the 95 % intervals (–: too few tables for one). In "
-    "brackets: our tables; before them the unit of the speed and the population.",
+    "0.01 and 0.001; 0 below 0.0005; with ≤ where none of our tables lies as far "
+    "out. *In interval*: how many printed numbers lie in the 95 % intervals (–: "
+    "too few tables for one). In brackets: our tables; before them the unit of the "
+    "speed and the population.",
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -277,8 +275,8 @@ findings = "; ".join(
 )
 alarms = multiverse["false_alarms"]
 workbook.say(
-    "Of the tests that so many tables allow, these reject the printed table at 5 %: "
-    f"{findings}. Of our own tables, each in turn taken as the printed one, "
+    "Of the tests that so many tables allow, these reject the printed table at 5 "
+    f"%: {findings}. Of our own tables, each in turn taken as the printed one, "
     f"{100 * alarms.mean():.1f} % are rejected."
 )
 
@@ -295,8 +293,8 @@ means_met, sds_met = prediction.count_met(outcome)
 of_means, of_sds = len(prediction.MEANS), len(prediction.SDS)
 holds = means_met == of_means and sds_met == of_sds
 prediction_finding = (
-    f"The prediction {'holds' if holds else 'fails'}: {means_met} of {of_means} means "
-    f"and {sds_met} of {of_sds} SDs are as predicted"
+    f"The prediction {'holds' if holds else 'fails'}: {means_met} of {of_means} "
+    f"means and {sds_met} of {of_sds} SDs are as predicted"
 )
 shown = ["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_runs"]
 outcome.set_index("row")[shown].round(4)
@@ -309,10 +307,10 @@ outcome.set_index("row")[shown].round(4)
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 claims = {"random_start": evidence.decide_random_start(multiverse, criteria)}
 workbook.verdict(
-    f"In this run {same_end.sum()} of {len(ended)} stored runs end at their misfit, "
-    f"{same_count.sum()} of them in the stored generation. {of_bounds}. Read from the "
-    "kept realisations, tests of the printed table that reject it at 5 %: "
-    f"{findings}. {prediction_finding}.",
+    f"In this run {same_end.sum()} of {len(ended)} stored runs end at their "
+    f"misfit, {same_count.sum()} of them in the stored generation. {of_bounds}. "
+    "Read from the kept realisations, tests of the printed table that reject it at "
+    f"5 %: {findings}. {prediction_finding}.",
     cells,
     claims,
     {
@@ -340,8 +338,8 @@ workbook.try_changing(
     ),
     Change(
         "most = 20",
-        "with half of the tables of the whole record, the smallest $p$ that they can "
-        "give is twice as large",
+        "with half of the tables of the whole record, the smallest $p$ that they "
+        "can give is twice as large",
         lambda now, was: (
             now.multiverse["least_p"].iloc[1] / was.multiverse["least_p"].iloc[1]
             > 1.9
@@ -349,7 +347,8 @@ workbook.try_changing(
     ),
     Change(
         "shifts = [0.01]",
-        "the bounds of $A$ are not found, because the stored runs had them further out",
+        "the bounds of $A$ are not found, because the stored runs had them further "
+        "out",
         lambda now, was: (
             np.isnan(now.cells["table1.A.max"])
             and np.isfinite(was.cells["table1.A.max"])

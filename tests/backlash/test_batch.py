@@ -1,6 +1,8 @@
 """Many logs: what tables say of each, workers that die, and runs that go on."""
 
+import json
 import os
+import re
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -11,7 +13,7 @@ import backlash
 from backlash import batch, estimates
 from backlash.answer import Estimate
 from backlash.log_list import find_logs, keys_of, options_of, read_batch, read_rows
-from tests.logs import file, noisy, write
+from tests.logs import command, file, noisy, write
 
 HOW = {"turn_period_s": 0.4}
 CSV = "file,joint,date,turn_period_s,torque,trust_period\na.csv,007,2024-03-17,0.4,3,no\nb.csv,=1+1,,?,,maybe\n"
@@ -142,3 +144,35 @@ def test_folders_are_searched_and_an_empty_one_is_refused(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(backlash.Refusal, match="no logs in this folder"):
         find_logs([tmp_path / "empty"])
+
+
+RAW = [
+    "=cmd|' /C calc'!A0",
+    '=HYPERLINK("x")',
+    "+1",
+    "-2+3",
+    "@sum(1)",
+    "\t=1",
+    "a,=1",
+    "b\n=1",
+    "\n@x",
+]
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_no_text_of_a_table_that_is_written_begins_a_formula(kind, tmp_path, capsys):
+    """Names of logs, joints, columns and what refusals quote of them; JSON has them as they are."""
+    frame = pd.DataFrame({"time [s]": noisy().t, "=1+1 speed [rpm]": 60 * noisy().v})
+    frame.iloc[:300].to_csv(tmp_path / "=1.csv", index=False)  # which takes no time
+    logs = pd.DataFrame({"file": "=1.csv", "joint": RAW, "torque": RAW, "turn_period_s": 0.4})
+    logs.loc[len(logs)] = ["=1.csv", "whole", None, 0.4]
+    logs.to_csv(tmp_path / "plant.csv", index=False)
+    out = tmp_path / f"answers.{kind}"
+    command("estimate --jobs 1 --json --batch", tmp_path / "plant.csv", "--out", out)
+    assert [row["joint_name"] for row in json.loads(capsys.readouterr().out)] == [*RAW, "whole"]
+    table = pd.read_csv(out) if kind == "csv" else pd.read_parquet(out)
+    texts = table.select_dtypes(exclude="number").astype("string").to_numpy().ravel()
+    assert len(texts) > 5 * len(RAW)
+    for text in texts[~pd.isna(texts)]:
+        cells = re.split(r"[,;\t\r\n]", text)
+        assert not any(cell.lstrip().startswith(tuple("=+@-")) for cell in cells), text

@@ -2,15 +2,20 @@
 
 import gzip
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from backlash import log_list
+from backlash.log_list import read_rows
 from backlash.reading import packed, sources
 from backlash.reading.limits import LIMITS
 from backlash.reading.prepare import open_log
+from backlash.reading.tables import read_table
+from backlash.refusals import Refusal
 from tests.logs import TURN, file, noisy, refusal, rewritten, table, text
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
@@ -198,6 +203,8 @@ def entities() -> bytes:
         (SHEET, bytes(2**24), "it unpacks to more than 8 MiB"),
         (SHEET, START + b"<row>" + b"<c/>" * 300_000, "more than 50,000 cells; cut it"),
         (SHEET, START + WIDE + b"</sheetData></worksheet>", "more than 50,000 cells"),
+        ("xl/styles.xml", b"<a>" * 2**20, "styles and relations unpack to 3 MiB"),
+        ("xl/styles.xml", b"<a/>" * 100_000, "styles and relations have 100,"),
         (SHEET, entities(), "no readable workbook"),
         ("xl/workbook.xml", entities(), "no readable workbook"),
         (SHEET, START + b"</sheetData></worksheet>", "nothing but blanks"),
@@ -212,8 +219,47 @@ def test_a_hostile_workbook_is_refused(part, content, why, tmp_path, monkeypatch
 def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypatch):
     monkeypatch.setattr(packed, "LIMITS", replace(LIMITS, most_cells=1000))
     assert "more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
+    wide = ",".join(["a name"] * 4097) + "\n" + ",".join(["1.25"] * 4097)
+    assert "4,097 columns, more than 4,096" in refusal(file(tmp_path, wide))
     content = table(noisy()).to_parquet()
     assert "more than 1,000 cells" in refusal(file(tmp_path, content))
     monkeypatch.setattr(sources, "LIMITS", replace(LIMITS, most_bytes=2**16))
     path = file(tmp_path, gzip.compress(b"1,2\n" * 2**20))
     assert "MiB that are read; cut it to the test movement" in refusal(path)
+
+
+@pytest.fixture
+def lying_parquet() -> bytes:
+    """A table of 200,000 rows whose footer says that there are fewer."""
+    kept = BytesIO()
+    pd.DataFrame({"time": 0.0, "speed": 0.0, "file": "a"}, index=range(200_000)).to_parquet(kept)
+    content = bytearray(kept.getvalue())
+    start = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
+    rows, fewer = b"\x80\xb5\x18", b"\xd4\x81\x00"  # zigzag varints: 200,000 and 106
+    at = content.index(rows, start)
+    content[at : at + 3] = fewer
+    return bytes(content)
+
+
+def test_rows_of_parquet_are_counted_whatever_its_footer_says(lying_parquet, tmp_path, monkeypatch):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'parquet'")
+    assert parquet.read_metadata(BytesIO(lying_parquet)).num_rows == 106
+    seen = []
+    monkeypatch.setattr(packed, "check_size", lambda rows, columns: seen.append(rows))
+    read_table(lying_parquet)
+    assert seen[0] == 106
+    assert seen[-1] == 200_000
+    assert len(seen) > 2
+
+
+def test_texts_of_a_table_of_logs_are_bounded_by_what_they_unpack_to(tmp_path, monkeypatch):
+    pytest.importorskip("pyarrow", reason="needs the extra 'parquet'")
+    table = pd.DataFrame({"file": ["x" * 1000] * 1000})
+    table.to_parquet(tmp_path / "plant.parquet")
+    assert len(read_rows(tmp_path / "plant.parquet", "file")) == 1000
+    monkeypatch.setattr(packed, "LIMITS", replace(LIMITS, most_list_bytes=999_999))
+    with pytest.raises(Refusal, match="texts unpack to more than"):
+        read_rows(tmp_path / "plant.parquet", "file")
+    monkeypatch.setattr(log_list, "LIMITS", replace(LIMITS, most_logs=999))
+    with pytest.raises(Refusal, match="1,000 logs, more than 999; split the table"):
+        read_rows(table, "file")

@@ -160,10 +160,10 @@ def test_what_excludes_a_reading_is_named_with_the_likely_reading_first(multiver
         "mean deviation, the start drawn once a row, the likely reading p = 0.5,"
     )
     assert likely.endswith(
-        "excluded by the means' largest error, the SDs' ranks and mean logarithm"
+        "excluded at 1 % by the means' largest error, the SDs' ranks and mean logarithm"
     )
-    assert each_fit.endswith("excluded by all 7 scores")
-    assert once.endswith("excluded by none, because so few tables give no p below 0.01")
+    assert each_fit.endswith("excluded at 1 % by all 7 scores")
+    assert once.endswith("excluded at 1 % by none, because so few tables give no p below 0.01")
     assert words.endswith("Drawn under 2 of the 8 settings")
     assert (
         evidence.name_exclusions(set_p(table, WHOLE, 0.9, scores), WHOLE, 0.05)
@@ -203,3 +203,23 @@ def test_the_smallest_sd_of_row_10_and_the_tables_that_lie_as_high_are_counted(
     assert moved["starts"]["per row"].reaching == 0
     assert moved["starts"]["per row"].above == 10
     assert moved["printed_bias"] == pytest.approx(100 + 2 * described["printed_bias"])
+
+
+def test_what_decides_is_what_changes_whether_a_test_rejects(multiverse):
+    scores = [*SCORES_OF_SDS]
+    none = set_p(multiverse, WHOLE, 0.5, scores)
+    assert evidence.find_what_decides(none, WHOLE, "SDs") == []
+    by_score = set_p(none, WHOLE, 0.01, ["ranks"])
+    assert evidence.find_what_decides(by_score, WHOLE, "SDs") == ["score"]
+    one = (none["settings"] == NOTEBOOK.name) & (none["start"] == WHOLE)
+    by_setting = none.assign(p=none["p"].mask(one, 0.01))
+    assert evidence.find_what_decides(by_setting, WHOLE, "SDs") == ["setting"]
+
+
+def test_smaller_sds_of_row_10_are_counted_with_a_drawn_start_too(kept, multiverse):
+    described = evidence.describe_multiverse(kept, multiverse)
+    drawn = kept[
+        (kept["row"] == 10) & kept["protocol"].isin([each.protocol for each in DRAWN_STARTS])
+    ]
+    assert described["row10_drawn"] == len(drawn)
+    assert described["row10_drawn_lower"] == (drawn["sd_A_rps"] < 0.0194).sum() > 0

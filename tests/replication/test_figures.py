@@ -14,6 +14,7 @@ DIMENSIONLESS = {
     "periods of the torque in a load turn",
     "start and settings",
     "stiffness over the paper's",
+    "search",
 }
 
 

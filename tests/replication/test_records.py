@@ -13,6 +13,7 @@ from scipy import stats
 
 from replication import published, records
 from replication.files import DataCorrupt, DataUnavailable
+from replication.joint import identified_joint, simulate
 from replication.records import (
     AUTHORS_FILES,
     LOW_NOISE,
@@ -169,3 +170,16 @@ def test_the_authors_records_are_twelve_turns_the_clean_ones_of_five_significant
         np.testing.assert_array_equal(record.v, five_digits)
     assert len({record.v.tobytes() for record in noisy}) == 10
     assert noisy[0].v.std() > 1.2 * 0.1 / np.sqrt(3)  # level 1 is not free of backlash
+
+
+def test_the_peak_between_samples_is_known_to_2_percent_and_not_on_one_side():
+    """On our joint, sampled at 40 phases: what the tolerance of Table 2's theoretical A in `cells.csv` says."""
+    errors = []
+    for level in range(3, 12):
+        v = simulate(identified_joint(), level_delta_rad(level), sample=5e-5, step=5e-5).v[8000:]
+        settled = [v[phase::40].round(2)[:2000] for phase in range(40)]
+        above = np.array([records.interpolated_peak(each) for each in settled]) - 100
+        errors.append(100 * (above / (v.max() - 100) - 1))
+    assert np.mean(errors) == pytest.approx(0, abs=0.1)
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.6, abs=0.05)
+    assert np.mean(np.abs(errors) > 2.5) == pytest.approx(0.09, abs=0.01)

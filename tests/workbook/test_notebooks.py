@@ -23,13 +23,8 @@ def test_a_notebook_has_one_parameters_cell_and_the_next_checks_every_parameter(
     assert set(assigned) <= set(re.findall(r"\b(\w+)=\(", code[position + 1].source))
 
 
-LONG_LINES = ("03", "08", "13", "14")  # not yet broken
-
-
 @pytest.mark.parametrize("name", SOURCES)
-def test_no_line_of_code_scrolls_sideways_in_a_page_of_the_book(name, request):
-    if name.startswith(LONG_LINES):
-        request.applymarker(pytest.mark.xfail(reason="has lines above 84 signs"))
+def test_no_line_of_code_scrolls_sideways_in_a_page_of_the_book(name):
     code = [cell.source for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
     assert [line for cell in code for line in cell.splitlines() if len(line) > 84] == []
 

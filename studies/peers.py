@@ -1,0 +1,154 @@
+"""Peers of the search: in how much time each finds the best minimum of one noisy record with 99 %.
+
+All have the same compiled misfit, box, first mean (the middle of the box) and first SD (a quarter of its width), and a
+population of 300 where none is named.
+"""
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from time import process_time
+from typing import Any
+
+import cma
+import cmaes
+import numpy as np
+import pandas as pd
+from scipy import optimize
+
+from replication import published, table2
+from replication.cmaes import generations, search
+from replication.misfit import PROJECTED, cost, fold, project
+from replication.records import Recording, add_noise, simulate_clean
+from replication.signature import Box, FloatArray
+from replication.table2 import BASIN_GAP, NOTEBOOK, RPM_600
+
+# From members of shape (population, n) to their misfits.
+Misfits = Callable[[FloatArray], Any]
+POPULATION = NOTEBOOK.population
+
+
+def make_records() -> list[Recording]:
+    """A noisy record of our joint for each row of Table 2."""
+    rng = np.random.default_rng(1)
+    noise = published.column("Table 2", "noise")
+    return [
+        add_noise(simulate_clean(level), half, rng)
+        for level, half in zip(table2.LEVELS, noise, strict=False)
+    ]
+
+
+def run_cma(misfits: Misfits, box: Box, seed: int, iterations: int) -> tuple[float, int]:
+    """Lowest misfit and evaluations of a run of today's `cma`."""
+    options = {
+        "bounds": [box.lower, box.upper],
+        "popsize": POPULATION,
+        "maxiter": iterations,
+        "CMA_stds": (box.upper - box.lower) / 4,
+        "seed": seed,
+        "verbose": -9,
+        "verb_log": 0,
+    }
+    strategy = cma.CMAEvolutionStrategy((box.lower + box.upper) / 2, 1.0, options)
+    while not strategy.stop():
+        asked = strategy.ask()
+        strategy.tell(asked, list(misfits(np.array(asked))))
+    return strategy.result.fbest, strategy.result.evaluations
+
+
+def run_cmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
+    """Lowest misfit of a run of `cmaes`, which has one step size for all parameters: shares of the box."""
+    n, best = box.lower.size, np.inf
+    unit = np.tile([0.0, 1.0], (n, 1))
+    strategy = cmaes.CMA(np.full(n, 0.5), 0.25, unit, seed=seed, population_size=POPULATION)
+    for _ in range(iterations):
+        shares = np.array([strategy.ask() for _ in range(POPULATION)])
+        costs = misfits(box.lower + (box.upper - box.lower) * shares)
+        strategy.tell(list(zip(shares, costs, strict=True)))
+        best = min(best, costs.min())
+        if strategy.should_stop():
+            break
+    return float(best)
+
+
+def run_fcmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
+    """Lowest misfit of a run of the C++ code of `fcmaes`, which sees the box as -1 to 1: a quarter of it is 0.5."""
+    from fcmaes.cmaescpp import ACMA_C  # which is not for every platform
+
+    best = np.inf
+    strategy = ACMA_C(
+        box.lower.size,
+        optimize.Bounds(*box),
+        (box.lower + box.upper) / 2,
+        input_sigma=0.5,
+        popsize=POPULATION,
+        max_evaluations=POPULATION * iterations,
+        rg=np.random.default_rng(seed),
+    )
+    for _ in range(iterations):
+        costs = misfits(np.ascontiguousarray(strategy.ask()))
+        best = min(best, costs.min())
+        if strategy.tell(costs):
+            break
+    return float(best)
+
+
+def run_differential_evolution(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
+    """Lowest misfit of a run of SciPy's differential evolution."""
+    found = optimize.differential_evolution(
+        lambda points: misfits(np.ascontiguousarray(points.T)),
+        list(zip(*box, strict=True)),
+        popsize=POPULATION // box.lower.size,
+        maxiter=iterations,
+        vectorized=True,
+        updating="deferred",
+        rng=seed,
+    )
+    return float(found.fun)
+
+
+def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
+    """Rows of `peers.csv`: CPU time of a run, how many find the best minimum, CPU time to find it with 99 %."""
+    record = make_records()[4]
+    box = table2.search_box(record, NOTEBOOK)
+    misfits = cost(record.t, record.v, NOTEBOOK.timing)
+    folded = fold(record.t, record.v, NOTEBOOK.timing)
+    assert folded is not None
+    five = Box(box.lower[PROJECTED], box.upper[PROJECTED])
+
+    def run_projected(seed: int) -> float:
+        def projected(shapes: FloatArray) -> FloatArray:
+            return project(shapes, folded, box.upper[0])[1]
+
+        return search(generations(projected, five, seed, RPM_600.population), 200).misfit
+
+    def of(peer: Callable) -> Callable[[int], float]:
+        return lambda seed: np.min(peer(misfits, box, seed, NOTEBOOK.iterations))
+
+    methods: dict[str, tuple[int, Callable[[int], float]]] = {
+        "ours, five projected parameters, 600": (runs, run_projected),
+        "ours, 600": (runs, lambda seed: table2.fit(record, RPM_600, seed).rmse),
+        "ours": (runs, lambda seed: table2.fit(record, NOTEBOOK, seed).rmse),
+        **({"fcmaes (C++)": (runs, of(run_fcmaes))} if find_spec("fcmaes") else {}),
+        "differential evolution (SciPy)": (slow_runs, of(run_differential_evolution)),
+        "cma": (slow_runs, of(lambda *job: run_cma(*job)[0])),
+        "cmaes": (slow_runs, of(run_cmaes)),
+    }
+    limit = table2.best_fit(record).rmse * (1 + BASIN_GAP)
+    rows = [_time_search(name, *method, limit) for name, method in methods.items()]
+    columns = ["search", "runs", "best_minimum", "seconds_a_run", "seconds_to_99_percent"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _time_search(
+    name: str, runs: int, run: Callable[[int], float], limit: float
+) -> tuple[str, int, int, float, float]:
+    """Run a search with the seeds 1 to `runs`; it found the best minimum where its misfit is within a limit."""
+    run(1)
+    begun = process_time()
+    ends = [run(seed) for seed in range(1, runs + 1)]
+    seconds = (process_time() - begun) / runs
+    best = int(np.sum(np.array(ends) <= limit))
+    # With half a run more on either side, a share of 0 or 1 is not certain.
+    share = (best + 0.5) / (runs + 1)
+    needed = max(1.0, np.log(0.01) / np.log(1 - share))
+    return name, runs, best, seconds, needed * seconds
