@@ -77,6 +77,21 @@ class JointLog(NamedTuple):
     gear_ratio: float
     inertia_ratio: float
     gravity_per_s2: float
+    true: dict[str, float]  # what the sensor tells beside the backlash, under its names
+
+
+def true_quantities(joint: DrivenJoint, fault: Fault) -> dict[str, float]:
+    """Find the joint's quantities as the sensor means them: stiffness up to gravity's torque, friction at its speed."""
+    gravity, stiffness, rate = joint.gravity, joint.stiffness, joint.speed / _STRIBECK_RAD_PER_S
+    soft = (1 - fault.soft_share) * fault.soft_rad
+    wind_up = min(gravity / (fault.soft_share * stiffness), gravity / stiffness + soft)
+    friction = joint.load_friction * (1 + joint.load_stribeck * math.exp(-(rate**2)))
+    return {
+        "stiffness_per_s2": gravity / wind_up,
+        "damping_ratio": joint.damping / (2 * math.sqrt(stiffness)),
+        "friction_share": (friction + joint.load_viscous * joint.speed) / gravity,
+        "loss": joint.gear_loss,
+    }
 
 
 @njit
@@ -259,4 +274,5 @@ def log_turns(
         gear_ratio,
         joint.inertia_ratio,
         joint.gravity,
+        true_quantities(joint, fault),
     )

@@ -49,6 +49,8 @@ PORTABLE = (
     "tests/replication/test_identification.py::test_where_errors_are_linear",
     "tests/replication/test_identification.py::test_its_settled_peaks",
     "tests/backlash/test_torque_load.py::test_the_orbit",
+    "tests/backlash/test_torque_answer.py::test_the_answer_of_a_known",
+    "tests/backlash/test_torque_answer.py::test_misfit_interval",
     "tests/backlash/test_turns.py::test_harmonics",
     "tests/backlash/test_turns.py::test_the_period",
 )

@@ -7,7 +7,7 @@ from scipy.ndimage import median_filter
 from backlash.reading.limits import LIMITS
 from backlash.reading.movement import usual_speed
 from backlash.reading.samples import Samples
-from backlash.refusals import Refusal
+from backlash.refusals import Reason, Refusal
 from replication.signature import FloatArray
 
 Mask = NDArray[np.bool_]
@@ -108,7 +108,8 @@ def keep_new_values(samples: Samples) -> Samples:
         )
     least_hz = LIMITS.good_rate * samples.options.ring_hz
     if rate < least_hz:
-        raise Refusal(f"{said}, {least_hz:.0f} are needed; log each value when it is new")
+        what = f"{said}, {least_hz:.0f} are needed; log each value when it is new"
+        raise Refusal(what, Reason.TOO_SLOWLY_SAMPLED)
     return thinned.noting(f"{said}, which were used")
 
 

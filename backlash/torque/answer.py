@@ -8,7 +8,7 @@ from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque.load import Prediction, jacobian, predict
 from backlash.torque.problem import SETTINGS as COMPARED
-from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem
+from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
 from backlash.torque.search import Candidate, hold_delta, search
 from backlash.torque.unknowns import (
     DELAY,
@@ -111,7 +111,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
     interval, is_none = _pool_intervals(problem, best, covariance, rivals, scale)
     excluded_rad = LIMITS.negligible_rad if is_none else 0.0
-    if hold_delta(problem, best, 1e3 * excluded_rad).chi2 - best.chi2 < LIMITS.clear * scale:
+    clear = best.chi2 + LIMITS.clear * scale
+    if hold_delta(problem, best, 1e3 * excluded_rad, clear).chi2 < clear:
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     return TorqueFit(
@@ -130,7 +131,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     """The unknowns' covariance, by the priors as they are above zero."""
     by, _ = jacobian(_predict_again(problem, best), problem.compared)
-    _, prior = problem.prior(best.theta, np.maximum(best.theta, 1e-9))
+    _, prior = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
     return np.asarray(np.linalg.inv(by.T @ by + prior.T @ prior))
 
 
@@ -188,39 +189,42 @@ def _check_movement(
     """Refuse a movement whose turns differ, or in which the teeth may not part, or part by the gear's error."""
     by_turn = gravity_by_turn(recording, torque)
     change = max(by_turn.real.std(), by_turn.imag.std()) / abs(by_turn.mean())
-    if change > LIMITS.most_change:
-        raise Refusal(
+    odd, scatter = odd_against_even(recording, torque), scatter_of_phase(recording, torque)
+    ripple = turn.ripple / (load.gravity_per_s2 * load.inertia_ratio)
+    for value, most, sentence, reason in (
+        (
+            *(change, LIMITS.most_change),
             f"the torque's line once a turn changes by {change:.0%} from turn to turn; is it gravity's, or does "
             "another axis move?",
             Reason.NOT_PERIODIC,
-        )
-    odd = odd_against_even(recording, torque)
-    if odd > LIMITS.most_odd_against_even:
-        raise Refusal(
+        ),
+        (
+            *(odd, LIMITS.most_odd_against_even),
             f"odd and even turns differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
             "at half this joint's rate? hold all other axes still",
             Reason.NOT_PERIODIC,
-        )
-    scatter = scatter_of_phase(recording, torque)
-    if scatter > LIMITS.most_scatter_s:
-        raise Refusal(
+        ),
+        (
+            *(scatter, LIMITS.most_scatter_s),
             f"gravity's line comes {1e3 * scatter:.2g} ms early or late from turn to turn; does the log's clock "
             "wander, or does another axis move?",
             Reason.NOT_PERIODIC,
-        )
-    if turn.friction >= 1:
-        raise Refusal(
+        ),
+        (
+            *(turn.friction, 1.0),
             f"the mean torque, {turn.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs an "
             "off-centre load whose gravity exceeds friction and losses, and a horizontal axis",
             Reason.NO_REVERSAL,
-        )
-    ripple = turn.ripple / (load.gravity_per_s2 * load.inertia_ratio)
-    if ripple > LIMITS.most_ripple:
-        raise Refusal(
+        ),
+        (
+            *(ripple, LIMITS.most_ripple),
             f"a line of the speed is a ripple of {ripple:.0%} of gravity; does the gear's error part the teeth, or "
             "does the drive hum?",
             Reason.NO_FIT,
-        )
+        ),
+    ):
+        if value > most:
+            raise Refusal(sentence, reason)
 
 
 def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> None:

@@ -19,11 +19,12 @@ harmonic's SD is that of both columns there, by the joint with its teeth in cont
 torque. The Jacobian by the unknowns is integrated with the load.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
+from scipy.fft import next_fast_len
 from scipy.ndimage import uniform_filter1d
 
 from backlash.torque.unknowns import (
@@ -48,8 +49,10 @@ from backlash.turns import TURN, ComplexArray, Harmonics
 from replication import njit
 from replication.signature import FloatArray
 
-_SETTLING_TURNS = 10  # from rest; Newton's method alone may find an orbit that no load keeps to
-_MOST_TURNS = 30  # by Newton's method, which needs 3 to 10
+# From rest, unless a turn ends nearer to where it began: Newton's method alone may find an orbit that no load keeps to.
+_SETTLING_TURNS = 10
+_SETTLED_RAD = 1e-6
+_MOST_TURNS = 12  # by Newton's method, which needs 2 to 4
 _CLOSED_RAD = 1e-11  # a millionth of the least backlash that matters
 
 
@@ -58,11 +61,11 @@ class Comparison(NamedTuple):
 
     order: NDArray[np.int64]
     omega: FloatArray
-    speed: ComplexArray
     torque: ComplexArray
     speed_sd: FloatArray
-    torque_sd: FloatArray
-    model_error: FloatArray  # SD
+    own_variance: FloatArray  # of the torque's noise and of the model's error
+    per_ms: ComplexArray  # i omega over 1 ms
+    acceleration: ComplexArray  # i omega times the speed
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
     motion: FloatArray  # angle and acceleration in the middle of each step, each with its slope by the lag [ms]
@@ -93,11 +96,11 @@ def compare(
     return Comparison(
         order=speed.order[used],
         omega=speed.omega[used],
-        speed=speed.coefficient[used],
         torque=torque.coefficient[used],
         speed_sd=speed.sd[used],
-        torque_sd=torque.sd[used],
-        model_error=model_error * np.sqrt(power / 2)[used],
+        own_variance=(torque.sd**2 + model_error**2 * power / 2)[used],
+        per_ms=np.asarray(1e-3j * speed.omega[used], dtype=complex),
+        acceleration=(1j * speed.omega * speed.coefficient)[used],
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
         motion=motion,
@@ -155,7 +158,8 @@ def _contact_torque(x, v, h, theta, K, D, slope):
     dragging = drag * D * v
     damping = (1 - drag) * D
     c = K * p + damping * touching * v
-    slope[:] = 0.0
+    for k in range(slope.size):
+        slope[k] = 0.0
     slope[STIFFNESS], slope[DAMPING], slope[DRAG] = 0.5 * dragging, dragging, D * v
     if touching <= 1 and c * p <= 0:  # teeth do not pull
         return dragging, 0.0, drag * D
@@ -172,91 +176,102 @@ def _contact_torque(x, v, h, theta, K, D, slope):
 
 
 @njit
-def _simulate_turn(theta, h, forcing, state, jacobian, contact, contact_jacobian):
+def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contact, waves):
     """Move x and x' on by a turn of x'' = force - cosine x - c, with their Jacobian, shape (2, columns).
 
-    Columns are x and x' at the turn's start, then the unknowns; `contact`, shape (steps,), and `contact_jacobian`,
-    shape (steps, columns), receive c and its slopes.
+    Columns are x and x' at the turn's start, then the unknowns; `contact`, shape (steps,), receives c, and `waves`,
+    shape (columns, steps), the slopes of c + mu |c|.
     """
     K, g = np.exp(theta[STIFFNESS]), np.exp(theta[GRAVITY])
     D = 2 * np.exp(theta[DAMPING]) * np.sqrt(K)
     columns = jacobian.shape[1]
-    slope, own, source = np.zeros(6), np.zeros(columns), np.zeros(columns)
-    by_x, by_v = jacobian[0], jacobian[1]
-    x, v = state[0], state[1]
+    slope, own, source = np.zeros(6), np.zeros(12), np.zeros(12)
+    x, v, loud = state[0], state[1], 1.0
     for i in range(contact.size):
-        cosine, sine = forcing[i, 1], forcing[i, 2]
+        cosine, sine = forcing[1, i], forcing[2, i]
         c, c_x, c_v = _contact_torque(x, v, h, theta, K, D, slope)
         contact[i] = c
         middle = x + 0.5 * h * v
-        v_end = v + h * (forcing[i, 0] - cosine * middle - c)
+        v_end = v + h * (forcing[0, i] - cosine * middle - c)
         if columns > 2:
-            own[2:8] = slope
+            loud = 1 + theta[LOSS] * c / np.sqrt(c * c + smoothing * smoothing)
+            for k in range(6):
+                own[2 + k] = slope[k]
             tilt = cosine + sine * middle
             source[2 + FRICTION] = g
             source[2 + PHASE] = tilt
             source[2 + GRAVITY] = sine + g * theta[FRICTION] - cosine * middle
-            source[2 + LAG] = forcing[i, 4] + tilt * forcing[i, 3]
+            source[2 + LAG] = motion[3, i] + tilt * motion[1, i]
         for k in range(columns):
-            c_k = own[k] + c_x * by_x[k] + c_v * by_v[k]
-            turned = by_x[k] + 0.5 * h * by_v[k]
-            v_end_k = by_v[k] + h * (source[k] - cosine * turned - c_k)
-            by_x[k] += 0.5 * h * (by_v[k] + v_end_k)
-            by_v[k] = v_end_k
-            contact_jacobian[i, k] = c_k
+            by_x, by_v = jacobian[0, k], jacobian[1, k]
+            c_k = own[k] + c_x * by_x + c_v * by_v
+            v_end_k = by_v + h * (source[k] - cosine * (by_x + 0.5 * h * by_v) - c_k)
+            jacobian[0, k] = by_x + 0.5 * h * (by_v + v_end_k)
+            jacobian[1, k] = v_end_k
+            waves[k, i] = loud * c_k
         x += 0.5 * h * (v + v_end)
         v = v_end
     state[0], state[1] = x, v
 
 
 @njit
-def _settle(theta, h, forcing, start, contact):
-    """Move the start on by turns that begin where the last one ended."""
-    nothing, unused = np.empty((2, 0)), np.empty((contact.size, 0))
-    for _ in range(_SETTLING_TURNS):
-        _simulate_turn(theta, h, forcing, start, nothing, contact, unused)
-
-
-@njit
-def _close_orbit(theta, h, forcing, start, contact):
+def _close_orbit(theta, h, motion, forcing, settling_turns, start, contact):
     """Move the start until its turn ends there, by Newton's method; whether it does, and a load keeps to that orbit."""
-    unused = np.empty((contact.size, 2))
-    before = np.inf
-    for _ in range(_MOST_TURNS):
-        end, by = start.copy(), np.eye(2)
-        _simulate_turn(theta, h, forcing, end, by, contact, unused)
-        miss = end - start
-        distance = abs(miss[0]) + abs(miss[1]) * np.exp(-0.5 * theta[STIFFNESS])
-        trace, product = by[0, 0] + by[1, 1], by[0, 0] * by[1, 1] - by[0, 1] * by[1, 0]
+    end, by, unused = np.empty(2), np.empty((2, 2)), np.empty((2, contact.size))
+    before, rate = np.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
+    for turn in range(settling_turns + _MOST_TURNS):
+        end[0], end[1] = start[0], start[1]
+        by[0, 0], by[0, 1], by[1, 0], by[1, 1] = 1.0, 0.0, 0.0, 1.0
+        _simulate_turn(theta, h, motion, forcing, 1.0, end, by, contact, unused)
+        miss_x, miss_v = end[0] - start[0], end[1] - start[1]
+        distance = abs(miss_x) + abs(miss_v) / rate
         if distance < _CLOSED_RAD:  # both multipliers are within the unit circle
+            trace, product = by[0, 0] + by[1, 1], by[0, 0] * by[1, 1] - by[0, 1] * by[1, 0]
             return product <= 1 and abs(trace) <= 1 + product
         if not distance < 1.0:  # ran away
             return False
-        determinant = 1 - trace + product
-        if distance < before and abs(determinant) > 1e-9:
-            start[0] += ((1 - by[1, 1]) * miss[0] + by[0, 1] * miss[1]) / determinant
-            start[1] += (by[1, 0] * miss[0] + (1 - by[0, 0]) * miss[1]) / determinant
+        determinant = (1 - by[0, 0]) * (1 - by[1, 1]) - by[0, 1] * by[1, 0]
+        is_settled = turn >= settling_turns or distance < _SETTLED_RAD
+        if is_settled and distance < before and abs(determinant) > 1e-9:
+            start[0] += ((1 - by[1, 1]) * miss_x + by[0, 1] * miss_v) / determinant
+            start[1] += (by[1, 0] * miss_x + (1 - by[0, 0]) * miss_v) / determinant
         else:
-            start += miss
-        before = distance
+            start[0], start[1] = end[0], end[1]
+        if is_settled:
+            before = distance
     return False
 
 
-@njit
-def _force_load(theta, c):
-    """What forces the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x, shape (steps, 5).
+def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
+    """What forces the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x.
 
-    Columns are force, cosine, sine, and the slopes of angle and acceleration by the lag.
+    Force, cosine and sine, shape (3, steps).
     """
     at_lag_0, angle_by_lag, acceleration, acceleration_by_lag = c.motion
     angle = at_lag_0 + theta[LAG] * angle_by_lag + theta[PHASE]
+    forcing = np.empty((3, angle.size))
+    force, cosine, sine = forcing
     g = np.exp(theta[GRAVITY])
-    sine, cosine = g * np.sin(angle), g * np.cos(angle)
-    force = acceleration + theta[LAG] * acceleration_by_lag + sine + g * theta[FRICTION]
-    return np.stack((force, cosine, sine, angle_by_lag, acceleration_by_lag), axis=1)
+    np.cos(angle, out=cosine)
+    np.sin(angle, out=sine)
+    forcing[1:] *= g
+    np.multiply(theta[LAG], acceleration_by_lag, out=force)
+    force += acceleration
+    force += sine
+    force += g * theta[FRICTION]
+    return forcing
 
 
 # ------------------------------------------------------------------------------------------------------- the torque
+
+
+class Responses(NamedTuple):
+    """Responses at each harmonic: of the torque's log, of the speed's, and of the joint in contact."""
+
+    log: ComplexArray  # delay and low-pass
+    lag: ComplexArray
+    spring: ComplexArray  # K and its damper
+    carried: ComplexArray  # the load's torque over that of the motor's own inertia
 
 
 class Prediction(NamedTuple):
@@ -266,7 +281,7 @@ class Prediction(NamedTuple):
     start: FloatArray  # x and x' where the turn begins
     forcing: FloatArray
     contact: FloatArray  # contact torque of each step
-    carried: ComplexArray  # harmonics of c and of |c|, shape (2, harmonics)
+    by: Responses
     torque: ComplexArray
     sd: FloatArray
 
@@ -274,114 +289,101 @@ class Prediction(NamedTuple):
 def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -> Prediction | None:
     """Predict the torque by the orbit near a start, or by the one that a load at rest comes to; None without one."""
     forcing = _force_load(theta, c)
-    contact = np.empty(len(forcing))
+    contact = np.empty(forcing.shape[1])
     begin = np.zeros(2) if start is None else start.copy()
-    if start is None:
-        _settle(theta, c.step_s, forcing, begin, contact)
-    if not _close_orbit(theta, c.step_s, forcing, begin, contact):
+    settling_turns = _SETTLING_TURNS if start is None else 0
+    if not _close_orbit(theta, c.step_s, c.motion, forcing, settling_turns, begin, contact):
         return None
-    carried = carry(contact, c)
-    torque, sd = predict_torque(theta, c, carried), torque_sd(theta, c)
-    return Prediction(theta, begin, forcing, contact, carried, torque, sd)
+    torque, sd, by = predict_torque(theta, c, contact)
+    return Prediction(theta, begin, forcing, contact, by, torque, sd)
 
 
-def carry(contact: FloatArray, c: Comparison) -> ComplexArray:
-    """Harmonics of the contact torque of a turn and of its size, which the gear's loss goes with."""
-    return _at_harmonics(np.column_stack([contact, smooth_abs(contact, c)]), c)
+def respond(theta: FloatArray, c: Comparison) -> Responses:
+    """Find the responses of log and joint at each harmonic."""
+    delay, low_pass, lag = theta[[DELAY, FILTER, LAG]].tolist()
+    log = np.exp(-delay * c.per_ms) / (1 + low_pass * c.per_ms)
+    K, zeta, rho = np.exp(theta[[STIFFNESS, DAMPING, RATIO]]).tolist()
+    spring = K + 2e3 * zeta * math.sqrt(K) * c.per_ms
+    return Responses(log, 1 + lag * c.per_ms, spring, rho * spring / (spring - c.omega**2))
+
+
+def predict_torque(
+    theta: FloatArray, c: Comparison, contact: FloatArray
+) -> tuple[ComplexArray, FloatArray, Responses]:
+    """The torque's harmonics by the contact torque, N J_m (a / N + rho (c + mu |c|)), late, with SDs and responses.
+
+    An SD is that of the torque's noise, of the speed's, and of the model's error.
+    """
+    by = respond(theta, c)
+    J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
+    carried = _at_harmonics(contact + theta[LOSS] * smooth_abs(contact, c), c)
+    torque = J * by.log * (by.lag * c.acceleration + rho * carried)
+    noise = J * np.abs(by.log * by.lag * (1 + by.carried)) * c.omega * c.speed_sd
+    return torque, np.sqrt(noise**2 + c.own_variance), by
+
+
+def smooth_abs(contact: FloatArray, c: Comparison) -> FloatArray:
+    """|c|, smooth where the torque crosses zero."""
+    return np.sqrt(contact * contact + c.smoothing**2)
 
 
 def _at_harmonics(waves: FloatArray, c: Comparison) -> ComplexArray:
-    """The compared harmonics of waves, shape (steps, waves), as (waves, harmonics)."""
-    return np.ascontiguousarray((rfft(waves, axis=0)[c.order] / c.mid_step[:, None]).T)
+    """The compared harmonics of waves, shape (..., steps), as (..., harmonics)."""
+    return np.asarray(np.fft.rfft(waves)[..., c.order] / c.mid_step)
 
 
-@njit
-def smooth_abs(contact, c):
-    """|c|, smooth where the torque crosses zero."""
-    return np.sqrt(contact**2 + c.smoothing**2)
-
-
-@njit
-def log_response(theta, c):
-    """Response of the delay and the low-pass between the torque and its log."""
-    low_pass = 1 / (1 + 1e-3j * theta[FILTER] * c.omega)
-    return np.exp(-1e-3j * theta[DELAY] * c.omega) * low_pass
-
-
-@njit
-def predict_torque(theta, c, carried):
-    """The torque's harmonics by those of c and |c|: N J_m (a / N + rho (c + mu |c|)), late."""
-    acceleration = 1j * c.omega * (1 + 1e-3j * theta[LAG] * c.omega) * c.speed
-    contact = np.exp(theta[RATIO]) * (carried[0] + theta[LOSS] * carried[1])
-    return np.exp(theta[INERTIA]) * log_response(theta, c) * (acceleration + contact)
-
-
-@njit
-def _speed_noise(theta, c):
-    """SD that the speed's noise has in each harmonic of the torque, by the joint in contact."""
-    K, zeta, rho = np.exp(theta[STIFFNESS]), np.exp(theta[DAMPING]), np.exp(theta[RATIO])
-    spring = K + 2j * zeta * np.sqrt(K) * c.omega
-    moved = (1 + 1e-3j * theta[LAG] * c.omega) * (1 + rho * spring / (spring - c.omega**2))
-    return np.exp(theta[INERTIA]) * c.omega * np.abs(moved * log_response(theta, c)) * c.speed_sd
-
-
-@njit
-def torque_sd(theta, c):
-    """SD of each harmonic: the torque's noise, that of the speed, and the model's error."""
-    return np.sqrt(_speed_noise(theta, c) ** 2 + c.torque_sd**2 + c.model_error**2)
-
-
-@njit
-def torque_sd_slopes(theta, c, sd):
-    """Slopes of these SDs by the unknowns, shape (unknowns, harmonics)."""
-    K, zeta, rho = np.exp(theta[STIFFNESS]), np.exp(theta[DAMPING]), np.exp(theta[RATIO])
-    damper = 2j * zeta * np.sqrt(K) * c.omega
-    spring = K + damper
-    carried = rho * spring / (spring - c.omega**2)
-    by_spring = -rho * c.omega**2 / (spring - c.omega**2) ** 2 / (1 + carried)
-    low_pass = 1e-3 * theta[FILTER] * c.omega
-    slope = np.zeros((theta.size, c.omega.size))  # of the logarithm
-    slope[STIFFNESS] = (by_spring * (K + 0.5 * damper)).real
-    slope[DAMPING] = (by_spring * damper).real
-    slope[LAG] = (1e-3j * c.omega / (1 + 1e-3j * theta[LAG] * c.omega)).real
-    slope[RATIO] = (carried / (1 + carried)).real
-    slope[INERTIA] = 1.0
-    slope[FILTER] = -1e-3 * c.omega * low_pass / (1 + low_pass**2)
-    return slope * _speed_noise(theta, c) ** 2 / sd
-
-
-@njit
-def residuals(predicted, c):
+def residuals(predicted: Prediction, c: Comparison) -> FloatArray:
     """What the model leaves of the torque's harmonics over their SDs, real and imaginary parts in turn."""
-    return ((predicted.torque - c.torque) / predicted.sd).view(np.float64)
+    return ((predicted.torque - c.torque) / predicted.sd).view(float)
 
 
 def jacobian(predicted: Prediction, c: Comparison) -> tuple[FloatArray, FloatArray]:
     """Slopes of the residuals, shape (residuals, unknowns), and of the orbit's start; not finite where orbits part."""
-    theta, start, forcing, contact, *_ = predicted
-    end, by = start.copy(), np.eye(2, 2 + OF_CONTACT)
-    unused, waves = np.empty(contact.size), np.empty((contact.size, 2 + OF_CONTACT))
-    _simulate_turn(theta, c.step_s, forcing, end, by, unused, waves)
-    waves *= (1 + theta[LOSS] * contact / smooth_abs(contact, c))[:, None]
+    theta, steps = predicted.theta, predicted.contact.size
+    end, by = predicted.start.copy(), np.eye(2, 2 + OF_CONTACT)
+    unused, waves = np.empty(steps), np.empty((3 + OF_CONTACT, steps))
+    _simulate_turn(
+        *(theta, c.step_s, c.motion, predicted.forcing, c.smoothing, end, by, unused, waves)
+    )
+    waves[-1] = smooth_abs(predicted.contact, c)
     slope = _at_harmonics(waves, c)
     # The start moves with the unknowns, so that the turn ends where it begins.
     (p, q), (r, s) = np.eye(2) - by[:, :2]
     start_by = np.array([[s, -q], [-r, p]]) @ by[:, 2:] / (p * s - q * r)
-    return _residual_slopes(predicted, c, slope[2:] + start_by.T @ slope[:2]), start_by
+    contact_slope = slope[2:-1] + start_by.T @ slope[:2]
+    return _residual_slopes(predicted, c, contact_slope, slope[-1]), start_by
 
 
-@njit
-def _residual_slopes(predicted, c, contact_slope):
+def _residual_slopes(
+    predicted: Prediction, c: Comparison, contact_slope: ComplexArray, by_loss: ComplexArray
+) -> FloatArray:
     """Slopes of the residuals by all unknowns, by those of the harmonics of c + mu |c|."""
-    theta, carried, torque, sd = predicted.theta, predicted.carried, predicted.torque, predicted.sd
-    response = np.exp(theta[INERTIA]) * log_response(theta, c)
-    slope = np.zeros((theta.size, c.omega.size), dtype=np.complex128)
-    slope[:OF_CONTACT] = contact_slope
-    slope[LOSS], slope[RATIO] = carried[1], carried[0] + theta[LOSS] * carried[1]
-    slope *= response * np.exp(theta[RATIO])
-    slope[LAG] -= 1e-3 * response * c.omega**2 * c.speed
+    theta, by, torque, sd = predicted.theta, predicted.by, predicted.torque, predicted.sd
+    J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
+    response = J * by.log
+    slope = np.empty((theta.size, c.omega.size), dtype=complex)
+    np.multiply(response * rho, contact_slope, out=slope[:OF_CONTACT])
+    slope[LAG] += response * c.per_ms * c.acceleration
+    slope[RATIO] = torque - response * by.lag * c.acceleration
     slope[INERTIA] = torque
-    slope[DELAY] = -1e-3j * c.omega * torque
-    slope[FILTER] = -1e-3j * c.omega / (1 + 1e-3j * theta[FILTER] * c.omega) * torque
-    sd_slope = torque_sd_slopes(theta, c, sd)
-    return ((slope - (torque - c.torque) * sd_slope / sd) / sd).view(np.float64).T
+    slope[DELAY] = -c.per_ms * torque
+    slope[LOSS] = response * rho * by_loss
+    slope[FILTER] = slope[DELAY] / (1 + theta[FILTER] * c.per_ms)
+    slope -= (torque - c.torque) / sd * _sd_slopes(theta, c, by, sd)
+    slope /= sd
+    return slope.view(float).T
+
+
+def _sd_slopes(theta: FloatArray, c: Comparison, by: Responses, sd: FloatArray) -> FloatArray:
+    """Slopes of the torque's SDs by the unknowns, shape (unknowns, harmonics): the speed's noise goes with them."""
+    half_damper = 0.5j * by.spring.imag
+    by_spring = by.carried * (1 / by.spring - 1 / (by.spring - c.omega**2)) / (1 + by.carried)
+    slope = np.zeros((theta.size, c.omega.size))  # of the noise's logarithm
+    slope[STIFFNESS] = (by_spring * (by.spring - half_damper)).real
+    slope[DAMPING] = 2 * (by_spring * half_damper).real
+    slope[LAG] = (c.per_ms / by.lag).real
+    slope[RATIO] = (by.carried / (1 + by.carried)).real
+    slope[INERTIA] = 1.0
+    slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
+    slope *= (sd**2 - c.own_variance) / sd
+    return slope

@@ -1,5 +1,6 @@
 """What is fitted: the harmonics of the mean turn that are compared, and what is known of the joint beforehand."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,7 +23,6 @@ from backlash.torque.unknowns import (
     TABLE,
 )
 from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics
-from replication import njit
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -103,14 +103,20 @@ def largest_ripple(speed: Harmonics) -> float:
     return float((acceleration - 2 * beside)[SETTINGS.first_ripple :].max(initial=0.0))
 
 
-class Problem(NamedTuple):
-    """Least squares in the unknowns: the numbers that are compared, and the priors."""
+class Prior(NamedTuple):
+    """What is known of the unknowns beforehand; below zero, where nothing can be, by a smaller SD."""
 
-    compared: Comparison
     mean: FloatArray
     sd: FloatArray
     sd_below_zero: FloatArray
     most_friction: float  # of the load: all friction
+
+
+class Problem(NamedTuple):
+    """Least squares in the unknowns: the numbers that are compared, and the prior."""
+
+    compared: Comparison
+    prior: Prior
 
     @property
     def size(self) -> int:
@@ -121,57 +127,49 @@ class Problem(NamedTuple):
         """By how many SDs chi squared exceeds what noise leaves."""
         return float((chi2 - self.size) / np.sqrt(2 * self.size))
 
-    def prior(self, theta: FloatArray, side: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distances from what is known beforehand over their SDs, and their Jacobian.
-
-        One for each unknown, then those of the soft part's share of gravity's wind-up and of friction beyond all.
-        The law changes where an unknown is 0; it is that of the side on which another joint is.
-        """
-        found: tuple[FloatArray, FloatArray] = _weigh_prior(
-            theta, side, self.mean, self.sd, self.sd_below_zero, self.most_friction
-        )
-        return found
-
-    def is_same_side(self, theta: FloatArray, other: FloatArray) -> bool:
-        """Whether two joints are under one law of the prior."""
-        is_beyond = [each[FRICTION] > self.most_friction for each in (theta, other)]
-        return is_beyond[0] == is_beyond[1] and bool(((theta > 0) == (other > 0)).all())
-
     def prior_distances(self, theta: FloatArray) -> FloatArray:
         """Distances from what is known beforehand over their SDs, as they are above zero."""
-        distance = (theta - self.mean) / self.sd
-        share, _ = wind_up_share(theta)
-        distance[SOFT] = np.hypot(distance[SOFT], share / _SOFT_SD)
+        distance = (theta - self.prior.mean) / self.prior.sd
+        distance[SOFT] = np.hypot(distance[SOFT], wind_up_share(theta)[0] / _SOFT_SD)
         return distance
 
 
-@njit
-def _weigh_prior(theta, side, mean, sd, sd_below_zero, most_friction):
-    weight = 1 / np.where(side < 0, sd_below_zero, sd)
+def weigh_prior(theta: FloatArray, side: FloatArray, prior: Prior) -> tuple[FloatArray, FloatArray]:
+    """Distances from what is known beforehand over their SDs, and their Jacobian.
+
+    One for each unknown, then those of the soft part's share of gravity's wind-up and of friction beyond all. The law
+    changes where an unknown is 0; it is that of the side on which another joint is.
+    """
+    sd = np.where(side < 0, prior.sd_below_zero, prior.sd)
     distances, slopes = np.zeros(theta.size + 2), np.zeros((theta.size + 2, theta.size))
-    distances[:-2] = (theta - mean) * weight
-    for k in range(theta.size):
-        slopes[k, k] = weight[k]
+    distances[:-2] = (theta - prior.mean) / sd
+    slopes[range(theta.size), range(theta.size)] = 1 / sd
     if side[SOFT] > 0:
         share, slope = wind_up_share(theta)
         distances[-2], slopes[-2] = share / _SOFT_SD, slope / _SOFT_SD
-    if side[FRICTION] > most_friction:
-        distances[-1] = (theta[FRICTION] - most_friction) / _BEYOND_SD
+    if side[FRICTION] > prior.most_friction:
+        distances[-1] = (theta[FRICTION] - prior.most_friction) / _BEYOND_SD
         slopes[-1, FRICTION] = 1 / _BEYOND_SD
     return distances, slopes
 
 
-@njit
-def wind_up_share(theta):
+def prior_chi_squared(theta: FloatArray, prior: Prior) -> float:
+    """The sum of these distances' squares."""
+    distance = (theta - prior.mean) / np.where(theta < 0, prior.sd_below_zero, prior.sd)
+    share = wind_up_share(theta)[0] if theta[SOFT] > 0 else 0.0
+    beyond = max(float(theta[FRICTION]) - prior.most_friction, 0.0)
+    return float(distance @ distance) + (share / _SOFT_SD) ** 2 + (beyond / _BEYOND_SD) ** 2
+
+
+def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:
     """The soft part's share of what gravity winds the joint up beyond the gap, and its slopes by the unknowns."""
-    slope = np.zeros(theta.size)
-    spring = 1e3 * np.exp(min(theta[GRAVITY] - theta[STIFFNESS], 50.0))
-    soft = (1 - theta[SHARE]) * theta[SOFT]
+    gravity, stiffness, part, e = theta[[GRAVITY, STIFFNESS, SHARE, SOFT]].tolist()
+    spring = 1e3 * math.exp(min(gravity - stiffness, 50.0))
+    soft = (1 - part) * e
     whole = spring + max(soft, 0.0)
-    slope[SOFT] = (1 - theta[SHARE]) * spring / whole**2
-    slope[SHARE] = -theta[SOFT] * spring / whole**2
-    slope[STIFFNESS] = soft * spring / whole**2
-    slope[GRAVITY] = -slope[STIFFNESS]
+    slope, by_soft = np.zeros(theta.size), spring / whole**2
+    slope[SOFT], slope[SHARE] = (1 - part) * by_soft, -e * by_soft
+    slope[STIFFNESS], slope[GRAVITY] = soft * by_soft, -soft * by_soft
     return soft / whole, slope
 
 
@@ -193,4 +191,5 @@ def state_problem(
     used = turn.used & (turn.speed.order <= harmonics)
     smoothing = SETTINGS.loss_smoothing * g
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
-    return Problem(compared, mean, sd, np.where(np.isnan(below), sd, below), turn.friction)
+    prior = Prior(mean, sd, np.where(np.isnan(below), sd, below), turn.friction)
+    return Problem(compared, prior)

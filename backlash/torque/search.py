@@ -1,14 +1,17 @@
 """The search: descents from a grid of joints, then from beside the lowest end, until none is lower."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from backlash.torque.load import Prediction, jacobian, predict, residuals
-from backlash.torque.problem import Problem
+from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
 from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
 from backlash.turns import TURN
 from replication.signature import FloatArray
@@ -30,7 +33,7 @@ class SearchSettings:
     # is a minimum of its own.
     neighbours: tuple[tuple[float, float, bool], ...] = (
         *product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45), (False,)),
-        *((2.0, -0.8, False), (3.0, -1.6, False), (-2.0, 0.8, False), (-3.0, 1.6, False)),
+        *((2.0, -0.8, False), (-2.0, 0.8, False)),
         *product((0.0,), (0.0, -0.3), (True,)),
     )
     start_soft_mrad: float = 0.3
@@ -38,9 +41,16 @@ class SearchSettings:
     # Shares of chi squared, about a hundred, by which a step that ends a descent lowers it: 2, 0.1, and nothing.
     rough_tolerance: float = 2e-2
     tolerance: float = 1e-3
-    last_tolerance: float = 1e-8
+    last_tolerance: float = 1e-10
     near: float = 20.0  # chi squared beyond the best end's of ends that go on
     most_near: int = 6
+    # Chi squared has small kinks, at one of which a descent ends: so it begins again from just beside.
+    restarts: tuple[tuple[float, float], ...] = (
+        (0.25, 0.0),
+        (-0.25, 0.0),
+        (0.0, 0.03),
+        (0.0, -0.03),
+    )
     near_tolerance: float = 1e-6
     same: float = 0.1  # first steps between two ends of one minimum, and where descents were rough
     rough_same: float = 0.5
@@ -48,6 +58,8 @@ class SearchSettings:
 
 
 SETTINGS = SearchSettings()
+_MOST_SIDES = 12  # laws of the prior that are tried for a step
+_PER_STEP_2 = FIRST_STEP**-2.0
 
 
 class Candidate(NamedTuple):
@@ -66,11 +78,10 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
     s = SETTINGS
     ends: list[Candidate] = []
     for starts, finalists in zip(rank_starts(rough), s.finalists, strict=True):
-        rough_ends = [descend(rough, start, s.rough_tolerance) for start in starts]
+        rough_ends = descend_each(rough, starts, s.rough_tolerance)
         best_ends = distinct(rough_ends, s.rough_same)[:finalists]
-        ends += [descend(problem, end, s.tolerance) for end in best_ends]
-        ends += descend_beside(problem, min(ends, key=_chi2))
-        best = min(ends, key=_chi2)
+        ends += descend_each(problem, best_ends, s.tolerance)
+        best = descend_beside(problem, ends)
         is_near = np.abs(problem.prior_distances(best.theta)).max() < s.most_off
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
             break
@@ -78,14 +89,17 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
     most = best.chi2 + s.near * max(best.chi2 / problem.size, 1.0)
     near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
     near = [descend(problem, each, s.near_tolerance) for each in near]
-    return distinct([descend(problem, min(near, key=_chi2)), *near], s.same)
+    best = descend(problem, min(near, key=_chi2))
+    for steps, stiffer in s.restarts:
+        best = min(best, descend(problem, move(best, steps, stiffer, False)), key=_chi2)
+    return distinct([best, *near], s.same)
 
 
 def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
     """Joints of a grid: the best ring of each gap and friction, ranked; the best friction of each gap and ring."""
     s = SETTINGS
     rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
-    frictions = np.array(s.start_frictions) * min(rough.most_friction, 0.9)
+    frictions = np.array(s.start_frictions) * min(rough.prior.most_friction, 0.9)
     grid = [
         [[place(rough, delta, ring, friction) for friction in frictions] for ring in rings]
         for delta in s.starts_mrad
@@ -97,7 +111,7 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
 
 def place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> Candidate:
     """The usual joint but for these; its misfit is infinite where the load has no periodic orbit."""
-    theta = problem.mean.copy()
+    theta = problem.prior.mean.copy()
     theta[[DELTA, STIFFNESS, FRICTION]] = delta_mrad, ring, friction
     return evaluate(problem, theta)
 
@@ -110,17 +124,30 @@ def evaluate(problem: Problem, theta: FloatArray) -> Candidate:
     return Candidate(theta, found.predicted.start, found.chi2)
 
 
-def descend_beside(problem: Problem, best: Candidate) -> list[Candidate]:
-    """The ends of descents from beside the best joint, and beside a better one that is among them."""
-    s = SETTINGS
+def descend_each(
+    problem: Problem, begins: list[Candidate], tolerance: float, target: float = np.inf
+) -> list[Candidate]:
+    """The ends of some descents, none of which goes on where it comes near a lower end of another."""
     ends: list[Candidate] = []
+    for begin in begins:
+        ends.append(descend(problem, begin, tolerance, target, ends))
+    return ends
+
+
+def descend_beside(problem: Problem, ends: list[Candidate]) -> Candidate:
+    """The best end of descents from beside the best one, and from beside a better one that is among them.
+
+    `ends`, in which near ones count as found, receives theirs.
+    """
+    s = SETTINGS
+    best = min(ends, key=_chi2)
     for _ in range(s.most_rounds):
-        beside = [move(best, *step) for step in s.neighbours]
-        ends += [descend(problem, each, s.tolerance, best.chi2) for each in beside]
-        before, best = best, min([best, *ends], key=_chi2)
+        for step in s.neighbours:
+            ends.append(descend(problem, move(best, *step), s.tolerance, best.chi2, ends))
+        before, best = best, min(ends, key=_chi2)
         if best.chi2 > before.chi2 * (1 - s.tolerance) - 0.1:
             break
-    return ends
+    return best
 
 
 def move(candidate: Candidate, steps: float, stiffer: float, is_soft_changed: bool) -> Candidate:
@@ -152,7 +179,7 @@ def distinct(candidates: list[Candidate], same: float) -> list[Candidate]:
 
 
 class _Place(NamedTuple):
-    """A joint, what it predicts, what that leaves of the torque, and chi squared with the priors'."""
+    """A joint, what it predicts, what that leaves of the torque, and chi squared with the prior's."""
 
     theta: FloatArray
     predicted: Prediction
@@ -165,12 +192,22 @@ def _visit(problem: Problem, theta: FloatArray, start: FloatArray | None) -> _Pl
     if predicted is None:
         return None
     left = residuals(predicted, problem.compared)
-    return _Place(theta, predicted, left, _chi_squared(problem, theta, left))
+    chi2 = float(left @ left) + prior_chi_squared(theta, problem.prior)
+    return _Place(theta, predicted, left, chi2)
 
 
-def _chi_squared(problem: Problem, theta: FloatArray, left: FloatArray) -> float:
-    distances, _ = problem.prior(theta, theta)
-    return float(left @ left + distances @ distances)
+class _Slopes(NamedTuple):
+    """Slopes of the residuals and of the orbit's start at a joint, and half those of their sum of squares."""
+
+    residuals: FloatArray
+    start: FloatArray
+    normal: FloatArray
+    downhill: FloatArray
+
+
+def _differentiate(problem: Problem, here: _Place) -> _Slopes:
+    slopes, start_slopes = jacobian(here.predicted, problem.compared)
+    return _Slopes(slopes, start_slopes, slopes.T @ slopes, -(slopes.T @ here.residuals))
 
 
 def descend(
@@ -178,41 +215,41 @@ def descend(
     begin: Candidate,
     tolerance: float = SETTINGS.last_tolerance,
     target: float = np.inf,
+    ends: Sequence[Candidate] = (),
     holds_delta: bool = False,
 ) -> Candidate:
     """Least squares by Levenberg's and Marquardt's method; the first step is no longer than a bounce of the teeth.
 
-    It ends where a good step lowers chi squared by less than that share, or where twenty such steps would stay above a
-    target. A step to where the load has no periodic orbit is taken back.
+    It ends where a good step lowers chi squared by less than that share, where twenty such steps would stay above a
+    target, or within a first step of an end above which three such steps would stay. A step to where the load has no
+    periodic orbit is taken back.
     """
-    found = _visit(problem, begin.theta, begin.start)
-    if found is None:
+    here = _visit(problem, begin.theta, begin.start)
+    if here is None:
         return begin._replace(chi2=np.inf)
-    here, has_moved = found, True
+    by = _differentiate(problem, here)
     damping, growth, trials = 1e-3, 2.0, 0
-    while trials < SETTINGS.most_trials:
-        if has_moved:
-            slopes, start_slopes = jacobian(here.predicted, problem.compared)
-            normal, downhill = slopes.T @ slopes, slopes.T @ here.residuals
-            if not np.isfinite(normal).all():  # two orbits part
-                break
-        step = _step(problem, here.theta, normal, downhill, damping, holds_delta)
-        length = float(np.linalg.norm(step / FIRST_STEP))
-        has_moved = False
+    while trials < SETTINGS.most_trials and np.isfinite(by.normal).all():  # else two orbits part
+        step = _find_step(problem, here.theta, by, damping, holds_delta)
+        length = math.sqrt(float(step * _PER_STEP_2 @ step))
         if trials == 0 and length > 1:
             damping *= 4
             continue
         trials += 1
-        theta, start = here.theta + step, here.predicted.start + start_slopes @ step[:OF_CONTACT]
-        expected = here.chi2 - _chi_squared(problem, theta, here.residuals + slopes @ step)
+        theta, start = here.theta + step, here.predicted.start + by.start @ step[:OF_CONTACT]
         there = _visit(problem, theta, start)
         gain = here.chi2 - there.chi2 if there else -np.inf
+        left = here.residuals + by.residuals @ step
+        expected = here.chi2 - float(left @ left) - prior_chi_squared(theta, problem.prior)
         if there and gain > 0:
-            here, has_moved = there, True
+            here = there
             is_slow = gain < tolerance * here.chi2 or here.chi2 - 20 * gain > target
-            if is_slow and gain > 0.25 * expected:
+            if (is_slow and gain > 0.25 * expected) or _is_near(
+                here.theta, here.chi2 - 3 * gain, ends
+            ):
                 break
             damping, growth = damping * max(1 / 3, 1 - (2 * gain / expected - 1) ** 3), 2.0
+            by = _differentiate(problem, here)
         else:
             if length < 1e-5 or expected < 1e-3 * tolerance * here.chi2:
                 break
@@ -220,32 +257,37 @@ def descend(
     return Candidate(here.theta, here.predicted.start, here.chi2)
 
 
-def _step(
-    problem: Problem,
-    theta: FloatArray,
-    normal: FloatArray,
-    downhill: FloatArray,
-    damping: float,
-    holds_delta: bool,
+def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate]) -> bool:
+    lower = [each.theta for each in ends if each.chi2 < chi2]
+    if not lower:
+        return False
+    distance = np.abs((np.array(lower) - theta) / FIRST_STEP).max(axis=1)
+    return bool(distance.min() < 1)
+
+
+def _find_step(
+    problem: Problem, theta: FloatArray, by: _Slopes, damping: float, holds_delta: bool
 ) -> FloatArray:
-    """A damped step of Gauss's and Newton's method, under the priors' law of the side of zero where it ends."""
-    first = 1 if holds_delta else 0
-    step = np.zeros(theta.size)
-    before = theta
-    for _ in range(12):
-        side = theta + step
-        if step.any() and problem.is_same_side(side, before):
+    """A damped step of Gauss's and Newton's method, under the prior's law of the side of zero where it ends."""
+    free = slice(1 if holds_delta else 0, None)
+    most_friction = problem.prior.most_friction
+    step, side, damped = np.zeros(theta.size), theta, by.normal + np.diag(damping * _PER_STEP_2)
+    for _ in range(_MOST_SIDES):
+        distances, slopes = weigh_prior(theta, side, problem.prior)
+        matrix, right = damped + slopes.T @ slopes, by.downhill - distances @ slopes
+        *_, step[free], _ = dposv(matrix[free, free], right[free])
+        before, side = side, theta + step
+        is_beyond = side[FRICTION] > most_friction, before[FRICTION] > most_friction
+        if is_beyond[0] == is_beyond[1] and ((side > 0) == (before > 0)).all():
             break
-        distances, slopes = problem.prior(theta, side)
-        matrix = normal + slopes.T @ slopes + np.diag(damping / FIRST_STEP**2)
-        to_end = -(downhill + slopes.T @ distances)
-        step[first:] = np.linalg.solve(matrix[first:, first:], to_end[first:])
-        before = side
     return step
 
 
-def hold_delta(problem: Problem, candidate: Candidate, delta_mrad: float) -> Candidate:
-    """The best joint of a backlash, from another's."""
+def hold_delta(
+    problem: Problem, candidate: Candidate, delta_mrad: float, target: float = np.inf
+) -> Candidate:
+    """The best joint of a backlash, from another's, or one that is clearly above a target."""
     theta = candidate.theta.copy()
     theta[DELTA] = delta_mrad
-    return descend(problem, candidate._replace(theta=theta), holds_delta=True)
+    begin = candidate._replace(theta=theta)
+    return descend(problem, begin, SETTINGS.near_tolerance, target, holds_delta=True)

@@ -35,7 +35,7 @@ TABLE = (
         *("ln_stiffness", "1/s^2", "K, of the spring, over the load's inertia"),
         *(2 * math.log(TURN * 22.0), 1.0, 0.5),
         printed="stiffness_per_s2",
-        error=0.12,
+        error=0.16,
     ),
     Unknown(
         *("ln_damping", "1", "zeta, the spring's damping ratio", math.log(0.04), 0.5, 1.0),
@@ -45,7 +45,7 @@ TABLE = (
     Unknown(
         *("soft_mrad", "mrad", "e, the soft part beyond the gap", 0.0, 0.2, 0.2, 0.015),
         printed="soft_mrad",
-        error=0.12,
+        error=0.085,
     ),
     Unknown("soft_share", "1", "s, stiffness of the soft part over the spring's", 0.55, 0.12, 0.1),
     Unknown("drag", "1", "d, share of the damping that acts in the gap, too", 0.0, 0.3, 0.2, 0.03),

@@ -5,6 +5,11 @@ import pytest
 
 import backlash
 from backlash import Reason
+from backlash.load_data import LoadData
+from backlash.torque import answer as rules
+from backlash.torque.problem import SETTINGS, measure_turn, state_problem
+from backlash.torque.search import evaluate
+from replication.records import Recording
 from studies.simulated_joints import Fault, JointLog, draw_turns
 
 DELTA = 9e-4
@@ -79,10 +84,9 @@ UNKNOWN_BESIDE = {
     "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0),
     "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.3),
 }
-TOO_WIDE = pytest.mark.xfail(reason="the soft part stands at 2.3 of its SD")
 
 
-@pytest.mark.parametrize("name", ["torque_filter_ms", pytest.param("soft_mrad", marks=TOO_WIDE)])
+@pytest.mark.parametrize("name", UNKNOWN_BESIDE)
 def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
     fault, true = UNKNOWN_BESIDE[name]
     found = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
@@ -223,22 +227,39 @@ def test_three_of_four_joints_are_answered_and_no_answer_is_wrong():
 
 
 def test_the_answer_of_a_known_log_is_the_known_one(answered):
-    """A constant of the method that moves it by a millionth shows; kernels move the interval by as much."""
-    assert answered.backlash_rad == pytest.approx(9.855618692e-4, rel=1e-6)
-    assert answered.backlash_interval_rad == pytest.approx((7.944044e-4, 1.150297702e-3), rel=1e-5)
-    assert answered.chi_squared == pytest.approx(1.16879975, rel=1e-6)
-    joint = {
-        "stiffness_per_s2": (44841.3622, 14097.8027),
-        "damping_ratio": (0.0191238544, 0.0135608907),
-        "soft_mrad": (0.00108618663, 0.219644265),
-        "friction_share": (0.180285316, 0.00610639184),
-        "gravity_per_s2": (32.3180446, 1.05269998),
-        "speed_lag_ms": (0.580640322, 0.659070016),
-        "inertia_ratio": (2.34279716, 0.259827528),
-        "motor_inertia": (0.00407593912, 0.000425780419),
-        "torque_delay_ms": (0.643101312, 2.64784846),
-        "loss": (0.101557571, 0.00626491861),
-        "torque_filter_ms": (0.0634262697, 2.78544218),
+    """Kernels end a thousandth apart: where the teeth begin to touch, chi squared has kinks of that size."""
+    assert answered.backlash_rad == pytest.approx(9.8541e-4, rel=0.01)
+    assert answered.chi_squared == pytest.approx(1.16879, rel=1e-3)
+
+
+def test_misfit_interval_and_quantities_of_a_known_joint_are_the_known_ones(plain):
+    """A constant of the method that moves them by a millionth shows, whichever kernel computes."""
+    speed = float(plain.v.mean())
+    record = Recording(plain.t, plain.v, speed, plain.gear_ratio / speed, "plain")
+    turn = measure_turn(record, plain.torque)
+    load = LoadData(plain.inertia_ratio, plain.gravity_per_s2)
+    s = SETTINGS
+    made = state_problem(turn, load, s.model_error, s.most_harmonics, s.step_s)
+    joint = [0.985, 10.71, -3.96, 0.01, 0.55, 0.18, 0.18, -2.025, 3.475, 0.57, 0.85, -0.897]
+    known = evaluate(made, np.array([*joint, 0.49, 0.1, 0.2]))
+    assert known.chi2 == pytest.approx(192.5141695, rel=1e-8)
+    covariance = rules._covariance(made, known)
+    interval, is_none = rules._pool_intervals(made, known, covariance, [], 1.0)
+    assert interval == pytest.approx((8.753125426e-4, 1.0931009987e-3), rel=1e-8)
+    assert not is_none
+    assert rules._quantities(known, covariance, [], 1.0, plain.gear_ratio) == {
+        name: pytest.approx(numbers, rel=1e-8)
+        for name, numbers in {
+            "stiffness_per_s2": (44523.715883, 7221.4506793),
+            "damping_ratio": (0.019063114292, 0.011943594287),
+            "soft_mrad": (0.01, 0.093221407078),
+            "friction_share": (0.18, 0.0060645935885),
+            "gravity_per_s2": (32.297828537, 0.97333496412),
+            "speed_lag_ms": (0.57, 0.62645684212),
+            "inertia_ratio": (2.339646851926, 0.24561380253),
+            "motor_inertia": (0.0040779120012, 0.00040065998211),
+            "torque_delay_ms": (0.49, 2.4045432465),
+            "loss": (0.1, 0.0062224964762),
+            "torque_filter_ms": (0.2, 2.5681604346),
+        }.items()
     }
-    for name, numbers in joint.items():
-        assert answered.joint[name] == pytest.approx(numbers, rel=1e-6)

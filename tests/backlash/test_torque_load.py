@@ -1,5 +1,7 @@
 """The load that the motor's motion drives: its slopes, its gap and the gear's loss."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -7,7 +9,7 @@ from scipy.integrate import solve_ivp
 from backlash import turns
 from backlash.load_data import LoadData
 from backlash.torque import load as driven_load
-from backlash.torque.problem import SETTINGS, measure_turn, state_problem
+from backlash.torque.problem import SETTINGS, measure_turn, state_problem, weigh_prior
 from backlash.torque.search import evaluate, hold_delta
 from backlash.torque.unknowns import (
     DELAY,
@@ -19,6 +21,7 @@ from backlash.torque.unknowns import (
     NAMES,
     OF_CONTACT,
     SOFT,
+    STIFFNESS,
 )
 from replication.records import Recording
 from studies.simulated_joints import draw_turns
@@ -34,7 +37,7 @@ def problem():
     turn = measure_turn(record, log.torque)
     given = LoadData(log.inertia_ratio, log.gravity_per_s2)
     made = state_problem(turn, given, SETTINGS.model_error, 40, SETTINGS.step_s)
-    theta = made.mean.copy()
+    theta = made.prior.mean.copy()
     theta[[DELTA, FRICTION, LOSS, DRAG]] = 0.9, 0.2, 0.1, 0.3
     theta[[SOFT, FILTER, DELAY]] = 0.2, 2.0, 0.5
     return made, theta
@@ -47,14 +50,15 @@ def test_slopes_are_those_of_differences(problem, place):
     def residuals(theta):
         predicted = driven_load.predict(theta, made.compared)
         return np.append(
-            driven_load.residuals(predicted, made.compared), made.prior(theta, theta)[0]
+            driven_load.residuals(predicted, made.compared),
+            weigh_prior(theta, theta, made.prior)[0],
         )
 
     step = np.zeros(theta.size)
     step[place] = 1e-5
     expected = (residuals(theta + step) - residuals(theta - step)) / 2e-5
     slopes, _ = driven_load.jacobian(driven_load.predict(theta, made.compared), made.compared)
-    both = np.append(slopes[:, place], made.prior(theta, theta)[1][:, place])
+    both = np.append(slopes[:, place], weigh_prior(theta, theta, made.prior)[1][:, place])
     assert both == pytest.approx(expected, abs=1e-4 * np.abs(expected).max() + 1e-6)
 
 
@@ -68,6 +72,15 @@ def test_the_orbits_start_moves_as_its_slopes_say(problem):
     assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(slopes.sum(axis=1), rel=1e-3)
 
 
+@pytest.mark.parametrize("ln_stiffness", [-1e5, -2e3, 1e4, np.nan])
+def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(problem, ln_stiffness):
+    made, theta = problem
+    far = theta.copy()
+    far[STIFFNESS] = ln_stiffness
+    with np.errstate(all="ignore"):
+        assert driven_load.predict(far, made.compared, np.zeros(2)) is None
+
+
 def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
     made, theta = problem
     held = hold_delta(made, evaluate(made, theta), 0.8).theta
@@ -78,15 +91,15 @@ def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
 @pytest.mark.parametrize(("cosine", "is_kept"), [(25.0, True), (-25.0, False)])
 def test_an_orbit_that_no_load_keeps_to_is_no_answer(cosine, is_kept):
     """In a wide gap a load hangs or stands at rest; Newton's method finds both."""
-    forcing = np.zeros((1000, 5))
-    forcing[:, 1] = cosine
+    forcing, motion = np.zeros((3, 1000)), np.zeros((4, 1000))
+    forcing[1] = cosine
     theta = some_unknowns(delta_mrad=100.0, drag=0.0)
-    closed = driven_load._close_orbit(theta, 1e-3, forcing, np.zeros(2), np.zeros(1000))
+    closed = driven_load._close_orbit(theta, 1e-3, motion, forcing, 0, np.zeros(2), np.zeros(1000))
     assert closed == is_kept
 
 
 def torque_of(theta, compared, contact):
-    return driven_load.predict_torque(theta, compared, driven_load.carry(contact, compared))
+    return driven_load.predict_torque(theta, compared, contact)[0]
 
 
 def gain_by_loss(problem, contact, loss=0.1):
@@ -168,7 +181,8 @@ def test_the_motion_is_that_of_the_speeds_harmonics_in_the_middle_of_each_step()
     np.testing.assert_allclose(made.motion, expected, rtol=1e-9, atol=1e-9)
     power = np.array([0.25, 0.01])  # beyond the first, the mean over seven with the ends mirrored
     mean = [5.0, (4 * power[0] + 3 * power[1]) / 7]
-    np.testing.assert_allclose(made.model_error, 0.05 * np.sqrt(np.array(mean) / 2), rtol=1e-9)
+    own = np.array([0.1, 0.3]) ** 2 + 0.05**2 * np.array(mean) / 2
+    np.testing.assert_allclose(made.own_variance, own, rtol=1e-9)
 
 
 def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
@@ -189,12 +203,9 @@ def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
         * np.abs(1 + 2 * spring / (spring - w**2))
         * 1e-3
     )
-    sd = np.sqrt(by_speed**2 + np.array([0.1, 0.3]) ** 2 + made.model_error**2)
-    np.testing.assert_allclose(driven_load.torque_sd(theta, made), sd, rtol=1e-9)
-    carried = driven_load.carry(contact, made)
-    predicted = driven_load.Prediction(
-        theta, np.zeros(2), np.zeros((1, 5)), contact, carried, torque, sd
-    )
+    sd = np.sqrt(by_speed**2 + made.own_variance)
+    np.testing.assert_allclose(driven_load.predict_torque(theta, made, contact)[1], sd, rtol=1e-9)
+    predicted = SimpleNamespace(torque=torque, sd=sd)
     left = (expected - np.array([2 - 1j, 0.1j])) / sd
     np.testing.assert_allclose(
         driven_load.residuals(predicted, made), np.ravel([left.real, left.imag], "F"), rtol=1e-9

@@ -8,7 +8,14 @@ import pytest
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque import answer as rules
-from backlash.torque.problem import MeasuredTurn, Problem, largest_ripple, measure_turn
+from backlash.torque.problem import (
+    MeasuredTurn,
+    Prior,
+    Problem,
+    largest_ripple,
+    measure_turn,
+    weigh_prior,
+)
 from backlash.torque.search import Candidate, distinct, move
 from backlash.torque.unknowns import (
     DELAY,
@@ -49,7 +56,7 @@ def decide(monkeypatch):
         monkeypatch.setattr(rules, name, lambda *_, result=result: result)
 
     def answer(*candidates, of_held=1e3, sd_mrad=0.03):
-        def hold(problem, best, delta_mrad):
+        def hold(problem, best, delta_mrad, target):
             held.append(delta_mrad)
             return candidate(delta_mrad, of_held)
 
@@ -196,7 +203,7 @@ def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
     theta, sd = np.zeros(len(NAMES)), np.full(len(NAMES), 0.1)
     theta[place], sd[DELAY] = value, 4.0
     compared = SimpleNamespace(order=np.zeros(50))
-    problem = Problem(compared, np.zeros(theta.size), sd, sd, 0.5)
+    problem = Problem(compared, Prior(np.zeros(theta.size), sd, sd, 0.5))
     covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
     given = (problem, Candidate(theta, np.zeros(2), chi2), covariance)
     if words is None:
@@ -210,7 +217,7 @@ def a_prior():
     count = len(NAMES)
     mean, sd = np.arange(1.0, count + 1), 1 + np.arange(1.0 * count)
     mean[SOFT] = 0.0
-    return Problem(None, mean, sd, 0.1 * sd, most_friction=0.6), mean + 0.5
+    return Problem(None, Prior(mean, sd, 0.1 * sd, most_friction=0.6)), mean + 0.5
 
 
 def test_priors_are_distances_over_sds_which_below_zero_are_others():
@@ -218,19 +225,19 @@ def test_priors_are_distances_over_sds_which_below_zero_are_others():
     theta[SOFT] = -0.1
     for friction, weight, beyond in ((0.2, 1, 0), (-0.2, 10, 0), (0.7, 1, 0.1 / 0.05)):
         theta[FRICTION] = friction
-        expected = (theta - problem.mean) / problem.sd
+        expected = (theta - problem.prior.mean) / problem.prior.sd
         expected[[FRICTION, SOFT]] *= weight, 10
-        distances, slopes = problem.prior(theta, theta)
+        distances, slopes = weigh_prior(theta, theta, problem.prior)
         assert distances == pytest.approx([*expected, 0, beyond])
         assert slopes[:, FRICTION] == pytest.approx(
             [
-                *(weight / problem.sd[FRICTION] * (np.arange(theta.size) == FRICTION)),
+                *(weight / problem.prior.sd[FRICTION] * (np.arange(theta.size) == FRICTION)),
                 *(0, (beyond > 0) / 0.05),
             ]
         )
-        above = problem.prior(theta, np.abs(theta))[0]
+        above = weigh_prior(theta, np.abs(theta), problem.prior)[0]
         assert above[FRICTION] == pytest.approx(
-            (friction - problem.mean[FRICTION]) / problem.sd[FRICTION]
+            (friction - problem.prior.mean[FRICTION]) / problem.prior.sd[FRICTION]
         )
 
 
@@ -239,8 +246,8 @@ def test_a_soft_part_is_a_share_of_what_gravity_winds_up():
     theta[[SOFT, SHARE, GRAVITY, STIFFNESS]] = 0.2, 0.6, np.log(30.0), np.log(2e4)
     soft, spring = 0.4 * 0.2, 1e3 * 30 / 2e4
     share = soft / (soft + spring)
-    assert problem.prior(theta, theta)[0][-2] == pytest.approx(share / 0.2)
-    own = 0.2 / problem.sd[SOFT]
+    assert weigh_prior(theta, theta, problem.prior)[0][-2] == pytest.approx(share / 0.2)
+    own = 0.2 / problem.prior.sd[SOFT]
     assert problem.prior_distances(theta)[SOFT] == pytest.approx(np.hypot(own, share / 0.2))
 
 

@@ -4,7 +4,9 @@ import re
 
 import numpy as np
 import pandas as pd
+import pytest
 
+from replication.files import ROOT
 from studies import datasheet
 
 
@@ -19,6 +21,7 @@ def rows(population: str) -> pd.DataFrame:
             "reason": ["", "", "", "too noisy", "", ""],
             "low_rad": [9e-4, 1.1e-3, 0, np.nan, 4e-4, 0],
             "high_rad": [1.2e-3, 1.3e-3, 4e-5, np.nan, 6e-4, 4e-5],
+            "loss": [-1.9, 2.0, np.nan, np.nan, 0.1, np.nan],
         }
     )
 
@@ -27,7 +30,7 @@ def test_answers_covers_and_errors_are_counted():
     row = datasheet.summarise(rows("one")).iloc[0]
     counts = {"joints": 4, "answered": 2, "covered": 1, "false_all_clears": 1}
     counts |= {"healthy": 2, "healthy_called": 1, "healthy_cleared": 1}
-    counts |= {"right": 2, "true_reason": 0, "wrong": 3, "reasons": "too noisy 1"}
+    counts |= {"right": 2, "true_reason": 0, "wrong": 3, "reasons": "too noisy 1", "loss": 1}
     assert row[[*counts]].to_dict() == counts
 
 
@@ -55,3 +58,9 @@ def test_the_page_has_every_population_and_at_most_300_words():
     page = datasheet.write_page(sheet, engine)
     assert all(name in page for name in names)
     assert len([word for word in page.split() if re.search("[A-Za-z]", word)]) <= 300
+
+
+@pytest.mark.parametrize("quantity", datasheet.TOLD)
+def test_nine_of_ten_quantities_are_within_their_intervals(quantity):
+    turns = pd.read_csv(ROOT / "results" / "datasheet.csv").iloc[: len(datasheet.TURNS)]
+    assert turns[quantity].sum() >= 0.9 * turns["answered"].sum() > 40
