@@ -86,8 +86,9 @@ def refuse_missing() -> None:
     """Refuse to go on where a file is missing that a notebook makes: what is missing is never judged."""
     for source in notebook_sources().values():
         for name in listed_exports(source):
-            if not (ROOT / name).is_file():
-                raise UserError(f"{name} is missing; {how_to_make(source)}")
+            file = ROOT / name
+            if not file.is_file() or not file.stat().st_size:
+                raise UserError(f"{name} is missing or empty; {how_to_make(source)}")
 
 
 def how_to_make(source: Path) -> str:
