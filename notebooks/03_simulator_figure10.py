@@ -354,9 +354,10 @@ if compared:
         f"{which} misses {len(records)} records by "
         f"{table['nrmse_percent'].mean():.1f} % of their SD on average and "
         f"{table['nrmse_percent'].max():.1f} % at worst; its peaks differ from the "
-        f"printed $A$ by up to {table['peak_error_percent'].abs().max():.1f} %. "
-        "That is a fit, not a validation."
+        f"printed $A$ by up to {table['peak_error_percent'].abs().max():.1f} %."
     )
+    if joint == committed:
+        beside += " That is a fit, not a validation."
 workbook.verdict(
     f"{beside} Without a simulator, the peaks in the records lie within "
     f"{traced['error_percent'].abs().max():.1f} % of the printed $A$ at "
