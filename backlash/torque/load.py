@@ -218,7 +218,7 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
 def _close_orbit(theta, h, motion, forcing, settling_turns, start, contact):
     """Move the start until its turn ends there, by Newton's method; whether it does, and a load keeps to that orbit."""
     end, by, unused = np.empty(2), np.empty((2, 2)), np.empty((2, contact.size))
-    before, rate = np.inf, np.exp(0.5 * theta[STIFFNESS])
+    before, rate = np.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
     for turn in range(settling_turns + _MOST_TURNS):
         end[0], end[1] = start[0], start[1]
         by[0, 0], by[0, 1], by[1, 0], by[1, 1] = 1.0, 0.0, 0.0, 1.0

@@ -21,6 +21,7 @@ from backlash.torque.unknowns import (
     NAMES,
     OF_CONTACT,
     SOFT,
+    STIFFNESS,
 )
 from replication.records import Recording
 from studies.simulated_joints import draw_turns
@@ -69,6 +70,15 @@ def test_the_orbits_start_moves_as_its_slopes_say(problem):
     step[:OF_CONTACT] = 1e-6
     ends = [driven_load.predict(theta + sign * step, made.compared).start for sign in (1, -1)]
     assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(slopes.sum(axis=1), rel=1e-3)
+
+
+@pytest.mark.parametrize("ln_stiffness", [-1e5, -2e3, 1e4, np.nan])
+def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(problem, ln_stiffness):
+    made, theta = problem
+    far = theta.copy()
+    far[STIFFNESS] = ln_stiffness
+    with np.errstate(all="ignore"):
+        assert driven_load.predict(far, made.compared, np.zeros(2)) is None
 
 
 def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
