@@ -98,7 +98,14 @@ def how_to_make(source: Path) -> str:
 
 def read_kept(name: str) -> pd.DataFrame:
     """Read `results/NAME.csv`, a table that a study has made and `make all` does not make again."""
-    return pd.read_csv(kept_table(name))
+    file = kept_table(name)
+    try:
+        table = pd.read_csv(file)
+    except ValueError as error:
+        raise UserError(f"{file}: no table ({error}); git checkout brings it back") from error
+    if table.empty:
+        raise UserError(f"{file}: no rows; git checkout brings it back")
+    return table
 
 
 def kept_table(name: str) -> Path:
