@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from backlash import turns
@@ -15,16 +14,11 @@ from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, check_positive, option_of
 from backlash.torque import fit_torque
-from replication.records import Recording
-from replication.signature import FloatArray
 
 _OPTIONS = tuple(field.name for field in fields(LogOptions))
 _RATIOS = ("inertia_ratio", "gravity_per_s2")
 _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 _LOAD = (*_RATIOS, "inertia_sd", "gravity_sd", "motor_inertia_kgm2", *_MASSES)
-# Running means of a torque that are looked for; shorter ones a low-pass follows.
-_LEAST_MEAN_S, _LONGEST_MEAN_S = 0.009, 0.080
-_LEAST_CORRELATION = 0.3  # of differences a mean's width apart; a half in a log of noise alone
 # Keywords of `estimate`: the log's columns and movement, and its load.
 GIVEN = (*_OPTIONS, *_LOAD, "arm_m")
 
@@ -117,8 +111,6 @@ def examine(
         answer = _with_log(answer, read, request)
         read = _with_own_period(read)
         answer = _with_log(answer, read, request)
-        if read.torque is not None:
-            refuse_averaged(read.recording, read.torque)
         if request.load:
             return _answer_by_torque(read, request.load, answer)
         return _answer_by_amplitude(read, answer)
@@ -183,34 +175,6 @@ def _with_own_period(log: Log) -> Log:
     note = f"the record repeats itself every {period:.5f} s, not every {given:.5f} s: used that"
     own = replace(recording, turn_period_s=period)
     return replace(log, recording=own, notes=(*log.notes, note))
-
-
-def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
-    """Refuse a torque that is a running mean, which no low-pass of the fit follows.
-
-    The differences of a mean of n values have those of n samples before, with the other sign, and else nothing in
-    common, as far as they are noise.
-    """
-    rows = turns.settled_turns(recording, torque)
-    sample_s = recording.turn_period_s / rows.shape[1]
-    noise = np.diff((rows - rows.mean(axis=0)).ravel())
-    power = np.abs(np.fft.rfft(noise, 2 * noise.size)) ** 2
-    correlation = np.fft.irfft(power)[: round(_LONGEST_MEAN_S / sample_s)] / max(
-        power.mean(), 1e-300
-    )
-    first = max(round(_LEAST_MEAN_S / sample_s), 2)
-    pairs = correlation[first:-1] + correlation[first + 1 :]
-    if not pairs.size or pairs.min() > -_LEAST_CORRELATION:
-        return
-    at = first + int(pairs.argmin())
-    others = np.abs(np.delete(correlation, slice(max(at - 1, 0), at + 3))[2:])
-    if others.max(initial=0.0) < 0.5 * -pairs.min():
-        window_ms = 1e3 * sample_s * (at + correlation[at + 1] / pairs.min())
-        raise Refusal(
-            f"the torque is a running mean over {window_ms:.0f} ms, which hides what the teeth do; log it as the drive "
-            "measures it, or filtered by 3 ms at most",
-            Reason.NO_FIT,
-        )
 
 
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:

@@ -6,10 +6,10 @@
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
-from matplotlib import pyplot as plt
+import pandas as pd
 
 import workbook
-from replication import published
+from replication import figures, published
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
 from replication.signature import Parameters, Timing
@@ -41,21 +41,14 @@ workbook.say_times("00_the_sensor")
 # ## Parameters
 
 # %% tags=["parameters"]
-backlash_mrad = (
-    0.5  # delta, half of the play; equation 10 was fitted from 0.3 to 2.1
-)
-friction_share = (
-    0.0  # Coulomb friction on the load, over the largest torque of gravity
-)
+backlash_mrad = 0.5  # half of the play; equation 10 was fitted from 0.3 to 2.1
+friction_share = 0.0  # Coulomb friction on the load, over gravity's largest torque
 sample_ms = 2.0  # sampling period of the log
 turn_period_s = 0.4  # seconds that a turn takes, as the model believes
 noise_rps = 0.1  # half-amplitude of the uniform noise on the logged speed
 seed = 1  # of the noise
-populations = [
-    60,
-    300,
-]  # points that a search tries in a generation; each is one experiment
-runs = 25  # searches in each
+populations = [60, 300]  # points that a search tries in each generation
+runs = 25  # searches with each population
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
@@ -91,14 +84,8 @@ A_true = settled_peak(run, joint)  # of the speed before it is sampled
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 def draw_arm(axis, angle):  # hanging straight down at 0
-    axis.plot(
-        [0, np.sin(angle)],
-        [0, -np.cos(angle)],
-        "o-",
-        color="0.4",
-        markevery=[-1],
-        ms=12,
-    )
+    arm = [0, np.sin(angle)], [0, -np.cos(angle)]
+    axis.plot(*arm, "o-", color="0.4", markevery=[-1], markersize=12)
     axis.set(xlim=(-1.2, 1.2), ylim=(-1.2, 1.2), aspect="equal", title="the load")
     axis.axis("off")
 
@@ -107,12 +94,13 @@ def draw_teeth(
     axis, x, delta
 ):  # in mrad: the tooth's middle at x; pressed flanks give way
     give = x - np.clip(x, -delta, delta)
-    axis.set(xlim=(-5, 5), ylim=(0, 1), yticks=[], facecolor="0.92")
+    axis.set(xlim=(-5, 5), ylim=(0, 1), yticks=[], facecolor="0.95")
+    axis.set(title="motor's tooth between the load's flanks [mrad]")
+    axis.grid(visible=False)
     for side in (-1, 1):
-        pressed = "C1" if give * side > 0 else "0.6"
+        pressed = figures.ORANGE if give * side > 0 else "0.6"
         axis.barh(0.4, side * 9, 0.8, left=side * delta + give, color=pressed)
-    axis.plot([x, x], [0, 1], "C0", linewidth=3)
-    axis.set_title("motor's tooth between the load's flanks [mrad]")
+    axis.plot([x, x], [0, 1], linewidth=3)
 
 
 def draw_speed(axis, t, r, open_gap):
@@ -189,12 +177,16 @@ workbook.flipbook(
     "gap, motor speed and curve",
     round(10 * backlash_mrad),
 )
+times = peaks[20] / peaks[10]
 workbook.say(
-    f"From 1 to 2 mrad the largest value grows from {peaks[10]:.2f} to "
-    f"{peaks[20]:.2f} rps, {peaks[20] / peaks[10]:.2f} times: a wider gap is "
-    "crossed faster, but not in proportion ([notebook "
-    "4](04_growth_figure11.ipynb)). That each gap has its own value makes the ring "
-    "a sensor."
+    f"{'No' if times < 1.95 else 'Nearly'}: from 1 to 2 mrad the largest value "
+    f"grows {times:.2f} times, from {peaks[10]:.2f} to {peaks[20]:.2f} rps: the "
+    "teeth meet faster after a wider gap ([notebook 4](04_growth_figure11.ipynb)). "
+    + (
+        "Each gap has its own value, so the ring can measure it."
+        if np.all(np.diff(peaks) > 0)
+        else "Some gaps share a value, so here it cannot measure them."
+    )
 )
 
 # %% [markdown]
@@ -214,14 +206,14 @@ v = clean + np.random.default_rng(seed).uniform(-noise_rps, noise_rps, t.size)
 log = Recording(t, v, v_t, T_f, "our log")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = plt.subplots(figsize=(7, 2.5), layout="constrained")
-axis.plot(t, v - v_t, ".", markersize=3, label="log, second and third turn")
-axis.plot(t, clean - v_t, label="without noise")
+DOTS = {"color": figures.ORANGE, "marker": ".", "linestyle": "", "markersize": 3}
+figure, ((axis,),) = figures.grid(height_in=2.4)
+axis.plot(t, v - v_t, label="log, second and third turn", **DOTS)
+axis.plot(t, clean - v_t, label="without noise", **figures.FIT)
 axis.set(xlim=(T_f, 3 * T_f), xlabel="time [s]", ylabel="$r$ [rps]")
-axis.legend()
 largest = (v - v_t)[t >= T_f].max()
 workbook.show(
-    figure,
+    figures.finish(figure, 2),
     f"The largest settled sample is {largest:.2f} rps, the true $A$ (the peak "
     f"without noise, before sampling) {A_true:.2f} rps. Noise of up to "
     f"{noise_rps:g} rps and the time between samples move a single sample, so we "
@@ -264,20 +256,18 @@ def h(t, X):  # equation 7
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 example = Parameters(A=0.5, t0=0.05, tau=15, omega=132, v_t=v_t, T2=0.18, T1=0.01)
-figure, axes = plt.subplots(3, sharex=True, figsize=(7, 3.6), layout="constrained")
-curves = {
-    "$d_b$": d_b(t, example, 0.05),
-    "$f$": f(t, example, 0.05),
-    "$h$": h(t, example),
-}
-for axis, (name, curve) in zip(axes, curves.items(), strict=True):
+figure, axes = figures.grid(3, 1, height_in=3.8, sharex=True)
+curves = d_b(t, example, 0.05), f(t, example, 0.05), h(t, example)
+for axis, name, curve in zip(
+    axes[:, 0], ("$d_b$", "$f$", "$h$"), curves, strict=True
+):
     axis.plot(t, curve)
     axis.set(xlim=(0, 1), ylabel=f"{name} [rps]")
-axes[-1].set_xlabel("time [s]")
+axis.set(xlabel="time [s]")
 left_percent = 100 * np.exp(-example.tau * (example.T2 - example.T1))
 workbook.show(
-    figure,
-    "One oscillation, one turn, and the signature, with $\\tau$ = "
+    figures.finish(figure, 1),
+    "(a) One oscillation, (b) one turn, and (c) the signature, with $\\tau$ = "
     f"{example.tau:g} 1/s: when its gate closes, {left_percent:.0f} % of the "
     "amplitude is left.",
 )
@@ -311,63 +301,53 @@ def off_percent(amplitude):
     return 100 * (amplitude / A_true - 1)
 
 
-reached = {
-    size: sum(end.rmse <= best.rmse * (1 + BASIN_GAP) for end in searches)
-    for size, searches in fits.items()
-}
-means = {
-    size: np.mean([end.amplitude_rps for end in searches])
-    for size, searches in fits.items()
-}
-figure, axis = plt.subplots(figsize=(7, 2.8), layout="constrained")
-for mark, (size, searches) in zip("x+1234sd^v" * 99, fits.items(), strict=False):
-    amplitudes = [end.amplitude_rps for end in searches]
-    axis.plot(
-        amplitudes, [end.rmse for end in searches], mark, label=f"{size} points"
-    )
-axis.plot(
-    best.amplitude_rps, best.rmse, "o", mfc="none", color="k", label="best fit"
-)
+searched = pd.DataFrame(
+    (size, end.amplitude_rps, end.rmse) for size in fits for end in fits[size]
+).set_axis(["points", "A", "rmse"], axis="columns")
+searched["lowest"] = searched["rmse"] <= best.rmse * (1 + BASIN_GAP)
+by_points = searched.groupby("points", sort=False)
+reached, means = by_points["lowest"].sum(), by_points["A"].mean()
+figure, ((axis,),) = figures.grid(height_in=2.8)
+for mark, (size, part) in zip("x+sd^v1234" * 99, by_points, strict=False):
+    axis.plot(part["A"], part["rmse"], mark, label=f"{size} points")
+aside = {"color": figures.INK, "mfc": "none", "markersize": 9}
+axis.plot(best.amplitude_rps, best.rmse, "o", label="best fit", **aside)
 axis.set(xlabel="amplitude $|A|$ [rps]", ylabel="RMSE [rps]")
-axis.legend()
 counts = "; ".join(
     f"with {size} points a generation {reached[size]} of {runs} at the lowest "
     f"misfit, and the mean of all {off_percent(means[size]):+.0f} % off the true "
     "$A$"
     for size in fits
 )
-others = (
-    "The others end in wrong minima, mostly the same oscillation with another "
-    "start and gate. Some of these have nearly the right $A$; only their misfit, "
-    "above the lowest, tells them."
-)
-if min(reached.values()) < runs:
-    workbook.show(figure, f"No: {counts}. {others}")
-else:
-    workbook.show(figure, f"Here they do: {counts}.")
+wrong = searched[~searched["lowest"]]
+near = (wrong["A"] / best.amplitude_rps).between(0.97, 1.03).sum()
+answer = f"Here they do: {counts}."
+if len(wrong):
+    answer = (
+        f"No: {counts}. The others end in wrong minima, {near} of {len(wrong)} "
+        "with an $A$ within 3 % of the best fit's: only their misfit tells them."
+    )
+workbook.show(figures.finish(figure, 3), answer)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = plt.subplots(figsize=(7, 2.8), layout="constrained")
-axis.plot(
-    t, v - best.X.v_t, ".", markersize=3, color="0.7", label="log, sixth turn"
-)
+figure, ((axis,),) = figures.grid(height_in=2.8)
+axis.plot(t, v - best.X.v_t, label="log, sixth turn", **DOTS)
 axis.plot(t, clean - best.X.v_t, linewidth=3, color="0.8", label="without noise")
-axis.plot(t, h(t, best.X), label="best signature $h$")
+axis.plot(t, h(t, best.X), label="best signature $h$", **figures.FIT)
 axis.set(xlim=(5 * T_f, 6 * T_f), xlabel="time [s]", ylabel="$v - v_t$ [rps]")
-axis.legend(ncols=3)
 noise_sd, apart_s = noise_rps / np.sqrt(3), np.diff(impacts)[:1]
-cause = "gravity bends the speed between the impacts"
 if best.rmse < 1.02 * noise_sd:
-    cause = "less than 2 %"
+    rest = "So the signature follows the log as well as the noise allows."
 elif not np.isclose(turn_period_s, T_f, atol=1e-4):
-    cause = f"a turn takes {T_f:g} s, in the model {turn_period_s:g} s"
+    rest = f"A turn takes {T_f:g} s, and in the model {turn_period_s:g} s."
 elif apart_s.size and abs(apart_s[0] - T_f / 2) > 0.01:
-    cause = f"the impacts are {apart_s[0]:.3f} s apart, and not half a turn"
+    rest = f"The impacts are {apart_s[0]:.3f} s apart, and not half a turn."
+else:
+    rest = "Between the impacts gravity bends the speed, and no damped sine does."
 workbook.show(
-    figure,
+    figures.finish(figure, 3),
     f"The best signature leaves {best.rmse:.3f} rps; the noise alone has the SD "
-    f"(standard deviation) {noise_sd:.3f} rps. The model cannot follow the rest: "
-    f"{cause}.",
+    f"(standard deviation) {noise_sd:.3f} rps. {rest}",
 )
 
 # %% [markdown]
@@ -391,14 +371,13 @@ A = best.amplitude_rps
 estimate_mrad = equation_10(A)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = plt.subplots(figsize=(7, 2.8), layout="constrained")
-axis.plot(peaks, equation_10(np.array(peaks)), "k", label="equation 10")
-axis.plot([A, A, 0], [0, estimate_mrad, estimate_mrad], "C1", label="estimate")
-axis.plot(A_true, backlash_mrad, "o", color="C2", label="truth")
-axis.set(xlabel="amplitude $A$ [rps]", ylabel="backlash $\\delta$ [mrad]")
-axis.legend()
+figure, ((axis,),) = figures.grid(height_in=2.6)
+axis.plot(peaks, equation_10(np.array(peaks)), label="equation 10", **figures.FIT)
+axis.plot([A, A, 0], [0, estimate_mrad, estimate_mrad], label="estimate")
+axis.plot(A_true, backlash_mrad, "o", label="truth")
+axis.set(xlabel="amplitude $A$ [rps]", ylabel=figures.BACKLASH_LABEL)
 workbook.show(
-    figure,
+    figures.finish(figure, 3),
     f"$A$ is {off_percent(A):+.1f} % off, so the backlash is "
     f"{estimate_mrad - backlash_mrad:+.3f} mrad off; equation 10 itself gives "
     f"{equation_10(A_true):.3f} mrad at the true $A$.",
@@ -433,7 +412,7 @@ workbook.try_changing(
     Change(
         "populations = [30, 100]",
         "fewer points a generation, and fewer searches find the lowest misfit",
-        lambda now, was: sum(now.reached.values()) < sum(was.reached.values()),
+        lambda now, was: now.reached.sum() < was.reached.sum(),
     ),
     Change(
         "turn_period_s = 0.408",

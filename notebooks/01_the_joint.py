@@ -1,14 +1,12 @@
 # %% [markdown]
 # # 1 · The joint: its dead zone (figure 9), and why its motor speed rings
 #
-# *You will see what a dead zone is, solve the equations of the joint and its drive with SciPy, and
-# build up the frequency and the decay of its ring, one term a step. Before this: notebook
-# [0](00_the_sensor.ipynb).*
+# *You will see what a dead zone is, solve the joint's equations with SciPy, and build up its ring, one
+# term a step. Before this: notebook [0](00_the_sensor.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit, newton
 
@@ -23,9 +21,9 @@ workbook.say_times("01_the_joint")
 # ## Claim
 #
 # "A robotic joint is a mechanical system with elastic properties; when properly excited, it
-# exhibits oscillations" (section "Proposed approach"). The model of its [backlash](glossary.md#backlash)
-# has the stiffness $K_s$ outside the gap and 0 inside it, and "unlike the typical dead zone models,
-# it does not present discontinuities" (section "Matlab/Simulink model of the robotic joint").
+# exhibits oscillations" (section "Proposed approach"). Its [backlash](glossary.md#backlash) is
+# modelled by a stiffness $K_s$ outside the gap and 0 inside it, and "unlike the typical dead zone
+# models, it does not present discontinuities" (section "Matlab/Simulink model of the robotic joint").
 #
 # ## Method
 #
@@ -39,9 +37,9 @@ workbook.say_times("01_the_joint")
 #
 # **The dead zone.** The teeth are free while the displacement
 # $\Delta\theta = \theta_m / N - \theta_l$ [rad] is within $\pm\delta$; with a sharp edge $\tau_l$ is
-# the stiffness $K_s$ [N m/rad] times what exceeds $\pm\delta$. The paper smooths the edge, with a
-# sharpness $\alpha$ [1/rad] that it does not print and the coupling's damping $D_s$ [N m s/rad]
-# ($\Delta\omega$ [rad/s] is the rate of $\Delta\theta$):
+# the stiffness $K_s$ [N m/rad] times what exceeds $\pm\delta$. The paper smooths the edge with a
+# sharpness $\alpha$ [1/rad], not printed, and adds damping $D_s$ [N m s/rad] ($\Delta\omega$ [rad/s] is
+# the rate of $\Delta\theta$):
 #
 # $$K_{BL}(\Delta\theta, \delta) = \frac{K_s}{\pi}\left[\pi + \arctan(\alpha(\Delta\theta - \delta))
 # - \arctan(\alpha(\Delta\theta + \delta))\right] \tag{8}$$
@@ -51,9 +49,9 @@ workbook.say_times("01_the_joint")
 #
 # **The drive** compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with
 # those commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's
-# angle at $t = 0$). A position gain $K_\text{pos}$ [1/s] and a speed gain $K_p$ [N m s] act on the
-# error $e_k$ [rad/s], the integral $I_k$ [N m] adds it up with $K_i$ [N m], a derivative $K_d$ [N m
-# s²] damps, and a leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
+# angle at $t = 0$). The gains $K_\text{pos}$ [1/s] of the position and $K_p$ [N m s] of the speed act
+# on the error $e_k$ [rad/s]; $K_i$ [N m] sums it up in $I_k$ [N m]; a derivative $K_d$ [N m s²] damps;
+# a leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
 #
 # $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
 #
@@ -62,17 +60,14 @@ workbook.say_times("01_the_joint")
 # $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_c}$$
 #
 # The torque $u_k$ [N m] is applied one period late and held, and the current loop follows with the
-# lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$. The numbers
-# were identified from the published signals ([notebook 3](03_simulator_figure10.ipynb)). Here
-# $\tau$ is a torque; the decay of the ring is $\sigma$ [1/s].
+# lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$. The numbers are
+# identified ([notebook 3](03_simulator_figure10.ipynb)). The ring's decay is $\sigma$ [1/s] here.
 #
 # ## Parameters
 
 # %% tags=["parameters"]
 backlash_mrad = 0.5  # delta, half of the play
-friction_share = (
-    0.0  # Coulomb friction on the load, over the largest torque of gravity
-)
+friction_share = 0.0  # Coulomb friction on the load, over gravity's largest torque
 changes = {}  # factors on ratios of the joint, such as {"K_s/J_l": 0.5}
 alphas = [1e3, 1e4, 1e5, 1e6]  # sharpness of the edge, 1/rad
 
@@ -91,9 +86,9 @@ workbook.check_parameters(
 # ### Why there are two impacts a turn
 #
 # At constant speed the coupling carries only gravity and friction,
-# $\tau_l \approx G \sin\theta_l + \tau_c$. While that is positive the motor drives the load, on one
-# flank; while it is negative the load drives the motor, on the other. *Predict:* do the teeth meet
-# when this torque changes its sign, before, or after?
+# $\tau_l \approx G \sin\theta_l + \tau_c$: while this is positive the motor drives the load, on one
+# flank; else the load drives the motor, on the other. *Predict:* do the teeth meet when this torque
+# changes its sign, before, or after?
 
 # %%
 delta = 1e-3 * backlash_mrad
@@ -112,26 +107,21 @@ with workbook.explain("changes", changes):
         raise ValueError(
             "the teeth meet less than twice in two turns: there is no ring"
         )
-figure, (upper, lower) = plt.subplots(
-    2, sharex=True, figsize=(8, 4), layout="constrained"
-)
+figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=3.8, sharex=True)
 upper.fill_between(t, carried, where=carried > 0, label="the motor drives the load")
 upper.fill_between(t, carried, where=carried < 0, label="the load drives the motor")
-lower.plot(t, r)
+lower.plot(t, r, **figures.FIT)
 lower.vlines(run.impacts, r.min(), r.max(), "0.5", ":", label="impacts")
 upper.set(ylabel="torque to carry [N m]", xlim=(0.4, 1.2))
-lower.set(xlabel="time [s]", ylabel="r(t) [rps]")
-for axis in (upper, lower):
-    axis.legend(loc="upper right")
+lower.set(xlabel="time [s]", ylabel="$r$ [rps]")
 signs = t[1:][np.diff(np.sign(carried)) != 0]
 after_ms = 1e3 * (impacts[0] - signs[signs <= impacts[0]].max())
 workbook.show(
-    figure,
+    figures.finish(figure, 2),
     f"After: the first impact shown comes {after_ms:.0f} ms later, because "
     "gravity, which begins at zero, has to move the load through the gap. The "
     f"next one comes {np.diff(impacts)[0]:.3f} s after it (half a turn: "
-    f"{joint.turn_period / 2:g} s), on the other flank: the load's push raises "
-    "the motor's speed, its drag lowers it.",
+    f"{joint.turn_period / 2:g} s), on the other flank.",
 )
 
 # %% [markdown]
@@ -180,13 +170,13 @@ workbook.show_figure(
 )
 
 # %% [markdown]
-# In the middle equation 8 is about $2 K_s / (\pi\alpha\delta)$. In equation 9 this pulls the teeth
-# to the nearer edge, and jumps by $2 \delta K_{BL}(0, \delta)$ where $\Delta\theta$ changes its sign.
+# In the middle equation 8 is about $2 K_s / (\pi\alpha\delta)$, and equation 9 jumps by
+# $2 \delta K_{BL}(0, \delta)$.
 #
 # ### The same with SciPy
 #
-# `simulate` is compiled and finds each contact exactly. These cells solve the equations with
-# `solve_ivp`, one control period after another: mechanics, drive, loop. *Predict:* do they agree?
+# `solve_ivp` solves the same equations, one control period after another. *Predict:* do they agree
+# with `simulate`?
 
 
 # %%
@@ -242,15 +232,15 @@ r_scipy = solve_joint(joint, 0.8) / (2 * np.pi) - 100
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t_k, of_simulate = t[::5][: r_scipy.size], r[::5][: r_scipy.size]
 apart_rps = np.abs(r_scipy - of_simulate)[t_k >= 0.4].max()
-figure, axis = plt.subplots(figsize=(8, 2.5), layout="constrained")
+figure, ((axis,),) = figures.grid(height_in=2.4)
 axis.plot(t_k, of_simulate, linewidth=4, color="0.8", label="simulate")
-axis.plot(t_k, r_scipy, label="SciPy")
-axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="r(t) [rps]")
-axis.legend()
+axis.plot(t_k, r_scipy, label="SciPy", **figures.FIT)
+axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="$r$ [rps]")
 workbook.show(
-    figure,
-    "The two solutions of the same equations are at most "
-    f"{max(apart_rps, 1e-5):.5f} rps apart in the second turn.",
+    figures.finish(figure, 2),
+    f"{'Yes' if apart_rps < 1e-3 else 'No'}: the two solutions of the same "
+    f"equations are at most {max(apart_rps, 1e-5):.5f} rps apart in the second "
+    "turn.",
 )
 
 # %% [markdown]
@@ -312,15 +302,21 @@ ring.round(1)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 gained = ring["decay [1/s]"].diff()
+most, least = (
+    name.removeprefix("+ ") for name in (gained.idxmax(), gained.idxmin())
+)
+why = ": a torque against the speed takes energy out" if most == "K_p" else ""
 workbook.say(
-    f"{gained.idxmax()} adds most to the decay, {gained.max():+.0f} 1/s: a torque "
-    f"against the speed takes energy out. {gained.idxmin()} takes most of it back, "
-    f"{gained.min():+.0f} 1/s."
+    f"{most} adds most to the decay, {gained.max():+.0f} 1/s{why}; with {least} it "
+    f"changes by {gained.min():+.0f} 1/s, because a late torque no longer opposes "
+    "the speed."
+    if least == "lag and delay"
+    else f"{most} adds most to the decay, {gained.max():+.0f} 1/s{why}."
 )
 
 # %% [markdown]
-# The simulated ring, from 20 ms after an impact until the teeth part, is a damped oscillation on a
-# parabola, which absorbs gravity's slow change.
+# From 20 ms after an impact until the teeth part, a damped oscillation is fitted to the simulated
+# speed, on a parabola for gravity's slow change. *Predict:* does it ring as the terms say?
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -334,28 +330,26 @@ with workbook.explain("changes", changes):
     free = (t > impacts[0] + 0.02) & (t < (parted[0] if parted.size else t[-1]))
     start = [-modes[-1].real, modes[-1].imag, 0.1, 0.1, 0, 0, 0]
     fitted, _ = curve_fit(oscillation, t[free] - impacts[0], r[free], start)
-figure, axis = plt.subplots(figsize=(8, 2.5), layout="constrained")
+figure, ((axis,),) = figures.grid(height_in=2.4)
 axis.plot(t, r, linewidth=4, color="0.8", label="simulate")
-axis.plot(
-    t[free], oscillation(t[free] - impacts[0], *fitted), label="fitted oscillation"
-)
-axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="r(t) [rps]")
-axis.legend()
+drawn = oscillation(t[free] - impacts[0], *fitted)
+axis.plot(t[free], drawn, label="fitted oscillation", **figures.FIT)
+axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="$r$ [rps]")
 springs, whole = ring.iloc[0], ring.iloc[-1]
-rings = f"{fitted[1] / (2 * np.pi):.1f} Hz and decays at {fitted[0]:.0f} 1/s"
+rings = f"{fitted[1] / (2 * np.pi):.1f} Hz, with a decay of {fitted[0]:.0f} 1/s"
 by_terms = (
     f"all terms together give {whole.iloc[0]:.1f} Hz and {whole.iloc[1]:.0f} 1/s"
 )
+alike = np.isclose(fitted[1], modes[-1].imag, rtol=0.1)
 workbook.show(
-    figure,
-    f"It rings at {rings}; {by_terms}: in contact the joint is the linear one.",
+    figures.finish(figure, 2),
+    f"{'Nearly' if alike else 'No'}: it rings at {rings}; {by_terms}.",
 )
 
 # %% [markdown]
 # ## Verdict
 #
-# The claims are decided at Table 2's ten backlashes and at $10^5$ per rad, the least power of ten that the
-# public records allow ([notebook 3](03_simulator_figure10.ipynb)), and $10^6$.
+# Claims are decided at Table 2's backlashes, at $10^5$ and $10^6$ per rad.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 ALPHA = 1e5
@@ -434,8 +428,8 @@ cubed = 2 * delta * 6 * joint.N * joint.J_l / (joint.G * joint.Omega)
 workbook.check_answer(fall_ms, 1e3 * np.cbrt(cubed), to=1)
 
 # %% [markdown]
-# **2.** Which $\alpha$, in thousands per rad, leaves 1 % of $K_s$ in the middle of a gap of
-# $\delta$ = 1.5 mrad (`alpha_1_percent` [1000/rad], to 0.5)?
+# **2.** Which $\alpha$ (`alpha_1_percent` [1000/rad], to 0.5) leaves 1 % of $K_s$ in the middle of a
+# gap of $\delta$ = 1.5 mrad?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 alpha_1_percent = 1e-3 * np.tan(0.99 * np.pi / 2) / 15e-4
@@ -445,8 +439,8 @@ print(f"{alpha_1_percent:.1f} thousand per rad")
 workbook.check_answer(alpha_1_percent, 1 / np.tan(0.01 * np.pi / 2) / 1.5, to=0.5)
 
 # %% [markdown]
-# **3.** Halve the identified joint's speed gain $K_p$. At which rate (`weak_decay` [1/s], all terms,
-# with its sign, to 0.5) does the ring decay, and what does the sign mean?
+# **3.** Halve the identified joint's $K_p$. At which rate (`weak_decay` [1/s], all terms, with its
+# sign, to 0.5) does the ring decay, and what does the sign mean?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 weak_decay = -ring_modes(identified._replace(K_p=identified.K_p / 2))[-1].real
@@ -458,5 +452,5 @@ workbook.check_answer(weak_decay, -ring_modes(weak)[-1].real, to=0.5)
 
 # %% [markdown]
 # **What you have learnt**: gravity opens the gap twice a turn, a smooth dead zone leaves stiffness
-# in it, and drive and coupling together set the ring's frequency and decay. *Next:* [the growth of
+# in it, and drive and coupling together set the ring. *Next:* [the growth of
 # the disturbance](04_growth_figure11.ipynb), or [the simulator](03_simulator_figure10.ipynb).

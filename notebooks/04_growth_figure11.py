@@ -230,9 +230,9 @@ workbook.say(
     f"After {lag} of {TURN} samples of a turn, in {record.source}. Half a turn "
     f"later the inverted record differs from it by {100 * mismatch:.1f} % of its "
     "SD (standard deviation). The largest excursions of the half turns "
-    f"{'alternate' if alternate else 'do not alternate'} in sign, and it rings up "
-    f"{risen.size} times a turn, to at least half of its largest excursion: "
-    "gravity changes its sign twice a turn, in opposite directions."
+    f"{'alternate' if alternate else 'do not alternate'} in sign, and {risen.size} "
+    "times a turn it comes up to half of its largest excursion: gravity changes "
+    "its sign twice a turn, in opposite directions."
 )
 
 # %% [markdown]

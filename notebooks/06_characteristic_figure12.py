@@ -7,7 +7,6 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 from scipy.optimize import brentq
 
 import workbook
@@ -45,17 +44,16 @@ theoretical = published.column("Table 2", "theoretical")[: delta.size]
 printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = plt.subplots(figsize=(6, 2.8), layout="constrained")
-axis.plot(theoretical, 1e3 * delta, "kx", label="Table 2 (rps) and its levels")
+figure, ((axis,),) = figures.grid(height_in=2.8)
+axis.plot(theoretical, 1e3 * delta, label="Table 2, its levels", **figures.PRINTED)
 for unit, times in (("rps", 1), ("rpm", 60)):
     by_unit = 1e3 * polynomial(times * theoretical, printed)
     axis.plot(theoretical, by_unit, label=f"equation 10, $A$ in {unit}")
-axis.set(xlabel="theoretical $A$ [rps]", ylabel="backlash [mrad]")
-axis.legend()
+axis.set(xlabel="theoretical $A$ [rps]", ylabel=figures.BACKLASH_LABEL)
 in_rps = 1e3 * polynomial(theoretical, printed)
 misses = 1e3 * np.abs(polynomial(60 * theoretical, printed) - delta).max()
 workbook.show(
-    figure,
+    figures.finish(figure, 2),
     f"In rps it gives {in_rps.min():.3f} to {in_rps.max():.3f} mrad at all ten "
     f"points; in rpm it misses none by more than {misses:.3f} mrad. The equation "
     "takes rpm ([erratum E1](../results/report.md#errata)), so the coefficient of "
@@ -175,10 +173,15 @@ workbook.show_figure(
     "(a) Equation 10 as printed, with A in rpm, and a polynomial through the "
     f"peaks of our simulated joint at {peaks.size} backlashes. (b) Equation 10 "
     "less the printed points, and our polynomial less equation 10. The peaks are "
-    f"up to {off_percent:.1f} % off the printed A. The curves part by at most "
-    f"{1e3 * apart:.2g} mrad while the coefficient of A is "
-    f"{ours[1] / fitted[1]:.2f} times the other one: over this range the powers "
-    "of A grow alike, so one coefficient makes up for another.",
+    f"up to {off_percent:.1f} % off the printed A, the curves at most "
+    f"{1e3 * apart:.2g} mrad apart, and the coefficient of A is "
+    f"{ours[1] / printed[1]:.2f} times the printed one"
+    + (
+        ": the powers of A grow alike over this range, so one coefficient makes "
+        "up for another."
+        if degree == 3
+        else ", as the degree is another."
+    ),
 )
 
 # %% [markdown]
@@ -226,14 +229,16 @@ by_rounding.rename_axis("power of A").map("{:.6g}".format)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 shaken = [f"A^{k}" for k in range(4) if rounding_moves[k] > 1e-4]
-met = (
-    "come back to the last one, so"
-    if agreeing == 4
-    else "do not all come back here, so no longer"
-)
+met = "do not all come back with these parameters"
+if agreeing == 4:
+    met = (
+        "come back to the last one, so only a fit to the printed, rounded "
+        "amplitudes explains them"
+    )
 workbook.say(
-    f"Yes, in {len(shaken)} of 4 coefficients ({', '.join(shaken)}). The printed "
-    f"digits {met} only a fit to the printed, rounded amplitudes explains them."
+    f"{'Yes' if shaken else 'No'}, in {len(shaken)} of 4 coefficients "
+    f"({', '.join(shaken) or 'none'}). The printed digits "
+    f"{met}."
 )
 
 # %% [markdown]

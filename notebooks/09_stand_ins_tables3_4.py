@@ -10,7 +10,6 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 
 import workbook
 from replication import bench, characteristic, figures, joint, published
@@ -58,10 +57,7 @@ spread = {}  # what to change of the bench's spread, such as {"load_friction": 0
 benches = 20  # other benches, each with three logs
 measure_mrad = 0.1  # step to which the hand's measure of the backlash is rounded
 robots_each = 30  # robots of each kind
-couplings = [
-    0.03,
-    0.1,
-]  # largest torque of a coupling over m g r, of two kinds of arms
+couplings = [0.03, 0.1]  # largest torque of a coupling over m g r, of kinds of arms
 shaking = 0.1  # torque over m g r of one disturbance, on a joint without backlash
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -208,27 +204,25 @@ rates = {
     ]
     for name, T in printed.items()
 }
-figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
-edges = np.linspace(0, 1.02 * quiet_arms["A_rps"].max(), 40)
-for kind, part in quiet_arms.groupby("kind", sort=False):
-    left.hist(part["A_rps"], edges, alpha=0.55, label=kind)
-left.axvline(best["T"], color="k", label="best threshold")
-for name, T in printed.items():
-    left.axvline(T, color="k", linestyle=":", label=f"printed, {name}")
-for coupling, each in curves.items():
-    label = f"couplings to {100 * coupling:.3g} %, area {areas[coupling]:.3f}"
-    right.plot(100 * np.r_[0, each["f"]], 100 * np.r_[0, each["d"]], label=label)
-left.set(xlabel="fitted A [rps]", ylabel="number of robots")
-right.set(xlabel="healthy called excessive [%]", ylabel="excessive detected [%]")
-left.legend()
-right.legend()
+kinds = {
+    kind: part["A_rps"] for kind, part in quiet_arms.groupby("kind", sort=False)
+}
+lines = {f"printed, {name}": T for name, T in printed.items()}
+detected = {
+    f"couplings to {100 * coupling:.3g} %, area {areas[coupling]:.3f}": (
+        100 * np.r_[0, each["f"]],
+        100 * np.r_[0, each["d"]],
+    )
+    for coupling, each in curves.items()
+}
+figure = figures.detection(kinds, lines | {"best threshold": best["T"]}, detected)
 better = max(rates, key=lambda name: rates[name][1] - rates[name][0])
 workbook.show_figure(
     "table4_robots",
     figure,
-    f"Left: A of {robots_each} simulated healthy robots and as many with "
-    f"excessive backlash. Right: the rates of all thresholds. That of {better}: "
-    f"it would detect {100 * rates[better][1]:.0f} % with "
+    f"(a) A of {robots_each} simulated healthy robots and as many with excessive "
+    f"backlash. (b) The rates of all thresholds. The $A$ of {better}: it would "
+    f"detect {100 * rates[better][1]:.0f} % with "
     f"{100 * rates[better][0]:.0f} % false alarms; the best threshold, "
     f"{best['T']:.3f} rps, {100 * best['d']:.0f} % with {100 * best['f']:.0f} %.",
 )
@@ -271,21 +265,19 @@ sweep = bench.fit_logs(shaken, drawn_seed).assign(order=orders)
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 mistaken = sweep["A_rps"] >= best["T"]
 odd = sweep["order"] % 2 == 1
-figure, axis = plt.subplots(figsize=(6, 3), layout="constrained")
+figure, ((axis,),) = figures.grid(height_in=2.8)
 for order in orders[odd]:
     axis.axvline(order, color="0.85", linewidth=5)
-axis.plot(sweep["order"], sweep["A_rps"], "o-")
-axis.axhline(
-    best["T"], color="k", linestyle="--", label="best threshold of the robots"
-)
-axis.set(xlabel="periods of the torque in a load turn", ylabel="fitted A [rps]")
-axis.legend()
+axis.plot(sweep["order"], sweep["A_rps"], "o-", **figures.OURS)
+line = {"linestyle": "--", "label": "best threshold of the robots"}
+axis.axhline(best["T"], color=figures.INK, **line)
+axis.set(xlabel="periods of the torque in a load turn", ylabel="fitted $A$ [rps]")
 workbook.show_figure(
     "table4_disturbance",
-    figure,
+    figures.finish(figure, 1),
     "A fitted to a joint without backlash (grey: odd k). At odd k it is "
     f"{sweep['A_rps'][odd].mean():.2f} rps on average, at even k "
-    f"{sweep['A_rps'][sweep['order'] % 2 == 0].mean():.2f}: an odd torque repeats "
+    f"{sweep['A_rps'][sweep['order'] % 2 == 0].mean():.2f}. An odd torque repeats "
     "with opposite sign half a turn later, as the signature does, and no number "
     "of turns tells the two apart; an even one cancels.",
 )

@@ -103,7 +103,8 @@ def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> F
         axis for axis in figure.axes if axis.get_visible() and axis.get_label() != "<colorbar>"
     ]
     if len(panels) > 1:
-        letter_panels(panels)
+        with mpl.rc_context(STYLE):
+            letter_panels(panels)
     listed = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels]
     entries = {label: handle for handles in listed for handle, label in handles}
     if entries:
@@ -380,7 +381,7 @@ def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> 
     axis.margins(y=0.1)
     axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
     axis.set_xticks(at, rows.index)
-    return finish(figure, 3)
+    return finish(figure, 2)
 
 
 @in_style

@@ -36,21 +36,25 @@ def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, firs
     """
     from IPython.display import display
     from matplotlib import pyplot as plt  # slow to import, and not every command draws
+    from matplotlib import rc_context
 
-    figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
+    from replication import figures
+
     pictures = []
-    for k in range(count):
+    with rc_context(figures.STYLE):
+        figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
+        for k in range(count):
+            figure.clear()
+            draw(figure, k)
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format="webp", pil_kwargs={"lossless": True, "method": 2})
+            data = base64.b64encode(buffer.getvalue()).decode("ascii")
+            pictures.append(f"data:image/webp;base64,{data}")
         figure.clear()
-        draw(figure, k)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="webp", pil_kwargs={"lossless": True, "method": 2})
-        data = base64.b64encode(buffer.getvalue()).decode("ascii")
-        pictures.append(f"data:image/webp;base64,{data}")
-    figure.clear()
-    draw(figure, first)
-    png = io.BytesIO()
-    figure.savefig(png, format="png")
-    plt.close(figure)
+        draw(figure, first)
+        png = io.BytesIO()
+        figure.savefig(png, format="png")
+        plt.close(figure)
     player = PLAYER.substitute(
         words=words,
         picture=pictures[first],

@@ -15,11 +15,6 @@ from workbook.outcomes import RESULTS, listed_exports, notebook_sources
 from workbook.provenance import provenance
 from workbook.stamps import changed_files, read_stamp, sha256, sha256_of
 
-OF_REPORT = (
-    "README.md",
-    *(f"results/{name}" for name in ("claims.csv", "report.md", "verdicts.csv")),
-)
-
 
 def certify() -> dict[str, Any]:
     """Gather what a rerun says.
@@ -41,6 +36,7 @@ def certify() -> dict[str, Any]:
     if not any(each["ran_here"] for each in notebooks.values()):
         raise UserError("no notebook was run here: there is nothing to certify; make all runs them")
     names = {name for source in notebook_sources().values() for name in listed_exports(source)}
+    names |= {"README.md", *_git("ls-files", "results", "figures").decode().splitlines()}
     verdicts = judging.verdicts(RESULTS).set_index("id")["agreement"]
     return {
         "commit": _git("rev-parse", "HEAD").decode().strip(),
@@ -52,7 +48,7 @@ def certify() -> dict[str, Any]:
         "authors_files": _authors_files(),
         "results": {
             name: _compare(sha256(ROOT / name), sha256_of(_git("show", f"HEAD:{name}")))
-            for name in sorted({*names, *OF_REPORT})
+            for name in sorted(names)
         },
         "verdicts": verdicts.to_dict(),
     }

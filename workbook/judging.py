@@ -129,10 +129,8 @@ def verdicts(results: Path) -> pd.DataFrame:
 
     Raises
     ------
-    ValueError
-        Two notebooks export the same number.
     UserError
-        None exports one that is tested.
+        No notebook exports a number that is tested, or two do.
     """
     ours = {
         cell: {"id": cell, "source": source_of(cell), "numbers": math.nan}
@@ -141,7 +139,7 @@ def verdicts(results: Path) -> pd.DataFrame:
     for name, outcome in load_outcomes(results).items():
         for row in outcome["cells"]:
             if "notebook" in ours[row["id"]]:
-                raise ValueError(f"{row['id']}: exported by two notebooks")
+                raise _exported_twice(row["id"], ours[row["id"]]["notebook"], name)
             ours[row["id"]] = row | {"notebook": name}
     for cell, number in published.derived_numbers().items():
         ours[cell]["numbers"] = number
@@ -152,15 +150,16 @@ def verdicts(results: Path) -> pd.DataFrame:
     return pd.DataFrame([judge_number(**row) for row in ours.values()])
 
 
+def _exported_twice(id: str, *notebooks: str) -> UserError:
+    why = "one of their outcomes is another's; make all runs them"
+    return UserError(f"{id}: exported by two notebooks, {' and '.join(notebooks)}: {why}")
+
+
 def claims(results: Path) -> pd.DataFrame:
     """The paper's sentences with their verdicts: `id, of, quote, reading, section, verdict, measured, notebook`.
 
-    Of a claim that no notebook can decide, `claims.csv` says why: it is undecided. UserError where another is missing.
-
-    Raises
-    ------
-    ValueError
-        Two notebooks decide the same claim.
+    Of a claim that no notebook can decide, `claims.csv` says why: it is undecided. UserError where no notebook decides
+    another one, or two do.
     """
     claimed = published.table("claims")
     table = claimed[["of", "quote", "reading", "section"]]
@@ -168,7 +167,7 @@ def claims(results: Path) -> pd.DataFrame:
     for name, outcome in load_outcomes(results).items():
         for row in outcome["claims"]:
             if table.loc[row["id"], "notebook"]:
-                raise ValueError(f"{row['id']}: decided by two notebooks")
+                raise _exported_twice(row["id"], table.loc[row["id"], "notebook"], name)
             decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]
             table.loc[row["id"], ["verdict", "measured", "notebook"]] = decided
     for claim in table.index[table["measured"] == ""]:

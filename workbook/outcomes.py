@@ -86,8 +86,9 @@ def refuse_missing() -> None:
     """Refuse to go on where a file is missing that a notebook makes: what is missing is never judged."""
     for source in notebook_sources().values():
         for name in listed_exports(source):
-            if not (ROOT / name).is_file():
-                raise UserError(f"{name} is missing; {how_to_make(source)}")
+            file = ROOT / name
+            if not file.is_file() or not file.stat().st_size:
+                raise UserError(f"{name} is missing or empty; {how_to_make(source)}")
 
 
 def how_to_make(source: Path) -> str:
@@ -97,7 +98,14 @@ def how_to_make(source: Path) -> str:
 
 def read_kept(name: str) -> pd.DataFrame:
     """Read `results/NAME.csv`, a table that a study has made and `make all` does not make again."""
-    return pd.read_csv(kept_table(name))
+    file = kept_table(name)
+    try:
+        table = pd.read_csv(file)
+    except ValueError as error:
+        raise UserError(f"{file}: no table ({error}); git checkout brings it back") from error
+    if table.empty:
+        raise UserError(f"{file}: no rows; git checkout brings it back")
+    return table
 
 
 def kept_table(name: str) -> Path:

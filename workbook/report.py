@@ -266,9 +266,16 @@ def write_report(results: Path, readme: Path) -> list[Path]:
         Something is missing that the report is made from.
     """
     verdicts, claims = judging.verdicts(results), judging.claims(results)
-    page, status = render(describe(verdicts, claims, results))
+    try:
+        described = describe(verdicts, claims, results)
+    except (ValueError, LookupError) as error:
+        why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
+        raise UserError(f"{results}: the report cannot be made from it ({why})") from error
+    page, status = render(described)
     text = readme.read_text(encoding="utf-8")
-    text = STATUS.sub(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text)
+    text, marked = STATUS.subn(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text)
+    if not marked:
+        raise UserError(f"{readme}: the marks of the status are gone; git checkout brings it back")
     written = {
         results / "report.md": page.encode(),
         results / "verdicts.csv": as_csv(verdicts),

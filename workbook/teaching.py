@@ -59,9 +59,7 @@ class Change(NamedTuple):
 
     code: str  # parameters that are set; or code and what replaces it, with an arrow between them
     then: str  # what happens, in words
-    holds: Callable[
-        [Any, Any], bool
-    ]  # the same of the names of the changed and of the unchanged run
+    holds: Callable[[Any, Any], bool]  # the same, of the names of the changed and unchanged run
 
 
 def try_changing(*changes: Change) -> None:

@@ -30,6 +30,7 @@ from backlash.turns import (
     odd_against_even,
     periodic,
     scatter_of_phase,
+    settled_turns,
     turn_phases,
 )
 from replication.records import Recording
@@ -74,6 +75,9 @@ class AnswerLimits:
 
 
 LIMITS = AnswerLimits()
+# Running means of a torque that are looked for; shorter ones a low-pass follows.
+_LEAST_MEAN_S, _LONGEST_MEAN_S = 0.009, 0.080
+_LEAST_CORRELATION = 0.3  # of differences a mean's width apart; a half in a log of noise alone
 _ADVICE = "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
 
 
@@ -98,6 +102,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     """
     turn = measure_turn(recording, torque)
     _check_movement(recording, torque, turn, load)
+    refuse_averaged(recording, torque)
     c = COMPARED
     rough = state_problem(turn, load, c.search_model_error, c.search_harmonics, 2 * c.step_s)
     problem = state_problem(turn, load, c.model_error, c.most_harmonics, c.step_s)
@@ -225,6 +230,34 @@ def _check_movement(
     ):
         if value > most:
             raise Refusal(sentence, reason)
+
+
+def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
+    """Refuse a torque that is a running mean, which no low-pass of the fit follows.
+
+    The differences of a mean of n values have those of n samples before, with the other sign, and else nothing in
+    common, as far as they are noise.
+    """
+    rows = settled_turns(recording, torque)
+    sample_s = recording.turn_period_s / rows.shape[1]
+    noise = np.diff((rows - rows.mean(axis=0)).ravel())
+    power = np.abs(np.fft.rfft(noise, 2 * noise.size)) ** 2
+    correlation = np.fft.irfft(power)[: round(_LONGEST_MEAN_S / sample_s)] / max(
+        power.mean(), 1e-300
+    )
+    first = max(round(_LEAST_MEAN_S / sample_s), 2)
+    pairs = correlation[first:-1] + correlation[first + 1 :]
+    if not pairs.size or pairs.min() > -_LEAST_CORRELATION:
+        return
+    at = first + int(pairs.argmin())
+    others = np.abs(np.delete(correlation, slice(max(at - 1, 0), at + 3))[2:])
+    if others.max(initial=0.0) < 0.5 * -pairs.min():
+        window_ms = 1e3 * sample_s * (at + correlation[at + 1] / pairs.min())
+        raise Refusal(
+            f"the torque is a running mean over {window_ms:.0f} ms, which hides what the teeth do; log it as the drive "
+            "measures it, or filtered by 3 ms at most",
+            Reason.NO_FIT,
+        )
 
 
 def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> None:

@@ -8,12 +8,11 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 
 import backlash
 import workbook
 from backlash import plots
-from replication import bench, joint
+from replication import bench, figures, joint
 from workbook import Change
 
 workbook.say_times("11_your_own_joint")
@@ -51,7 +50,7 @@ my_settings = {"turn_period_s": 0.4}
 bench_seed = 3  # which joint is drawn
 backlash_mrad = 1.1  # of the log that is looked at closely
 friction_share = (
-    0.0  # Coulomb friction of the load beyond the drawn joint's, over gravity
+    0.0  # Coulomb friction of the load beyond the drawn one, over gravity
 )
 gravity_given = 1.0  # m g r / J_l that the sensor is given, over the true one
 log_turns = 12  # of each log
@@ -124,25 +123,28 @@ tau_l = my_joint.N * (torque - torque.mean() - my_joint.J_m * acceleration)
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 amplitude = np.abs(2 * np.fft.rfft(tau_l)[1] / TURN)
 small = np.abs(tau_l) < 0.1 * amplitude
-figure, axis = plt.subplots(figsize=(7, 2.8), layout="constrained")
 t_ms = 2 * np.arange(TURN)
-axis.plot(
-    t_ms, my_joint.N * (torque - torque.mean()), color="0.7", label="$N \\tau_m$"
-)
-axis.plot(t_ms, tau_l, label="$\\tau_l$")
-axis.fill_between(
-    t_ms, -amplitude, amplitude, where=small, color="0.9", label="below 10 %"
-)
-axis.set(xlabel="time in the mean turn [ms]", ylabel="torque [N m], less its mean")
-axis.legend(ncols=3)
+figure, ((axis,),) = figures.grid(height_in=2.6)
+of_motor = my_joint.N * (torque - torque.mean())
+axis.plot(t_ms, of_motor, label="$N \\tau_m$", **figures.LOG)
+axis.plot(t_ms, tau_l, label="$\\tau_l$", **figures.FIT)
+shade = {"where": small, "color": "0.9", "label": "$\\tau_l$ below 10 %"}
+axis.fill_between(t_ms, -amplitude, amplitude, **shade)
+axis.set(xlabel="time in the mean turn [ms]", ylabel="torque less its mean [N m]")
 of_sine_ms = 2 * TURN * 2 * np.arcsin(0.1) / np.pi
+seen = 2 * small.sum() > 1.2 * of_sine_ms
 workbook.show(
-    figure,
-    "Nothing holds the load there, so $\\tau_l$ stays near zero: below a tenth of "
-    f"its first harmonic, {amplitude:.1f} N m, for {2 * small.sum()} ms of the "
-    f"turn; gravity's sine alone would for {of_sine_ms:.0f} ms. Then it rings, "
-    "because the teeth meet with an impact. Half of the play is "
-    f"{backlash_mrad:g} mrad.",
+    figures.finish(figure, 3),
+    f"$\\tau_l$ stays below a tenth of its first harmonic, {amplitude:.1f} N m, "
+    f"for {2 * small.sum()} ms of the turn; gravity's sine alone would for "
+    f"{of_sine_ms:.0f} ms. "
+    + (
+        "Nothing holds the load in the gap; then it rings, because the teeth meet "
+        "with an impact."
+        if seen
+        else "So no gap is to be seen."
+    )
+    + f" Half of the play is {backlash_mrad:g} mrad.",
 )
 
 # %% [markdown]
@@ -197,9 +199,9 @@ if by_torque.backlash_rad:
         )
     workbook.say(
         f"±{half_percent:.1f} %, and it {holds} the true {backlash_mrad:g} mrad: "
-        f"{why}. Gravity was given as {gravity_given:g} times the true one; the "
-        f"fit ends at {of_gravity:.3f} times, and the backlash errs by about as "
-        "much."
+        f"{why}. Gravity was given as {gravity_given:g} times the true one, the "
+        f"fit ends at {of_gravity:.3f} times; the backlash "
+        f"comes out as {1e3 * by_torque.backlash_rad:.3f} mrad."
     )
 elif by_torque.reason:
     workbook.say(f"No interval: {by_torque.reason}. {by_torque.explanation}")
@@ -247,8 +249,9 @@ refused = [
 ]
 answered = [name for name in answers if name not in refused]
 workbook.say(
-    f"Answered: {'; '.join(answered) or 'none'}. The others do not move as the "
-    "model says, or hide what it needs: an answer would be a guess."
+    f"Answered: {'; '.join(answered) or 'none'}. Refused: "
+    f"{'; '.join(refused) or 'none'}, each for its reason: an answer would be a "
+    "guess."
 )
 
 # %% [markdown]
@@ -292,10 +295,11 @@ workbook.try_changing(
     ),
     Change(
         "gravity_given = 1.1",
-        "the estimate grows, but by less than 10 %, for the log says that gravity "
-        "is smaller",
+        "the fit ends at less than 1.1 times the true gravity, for the log says "
+        "that it is smaller, and the estimate grows with it",
         lambda now, was: (
-            1 < now.by_torque.backlash_rad / was.by_torque.backlash_rad < 1.1
+            was.of_gravity < now.of_gravity < 1.1
+            and now.by_torque.backlash_rad > was.by_torque.backlash_rad
         ),
     ),
     Change(

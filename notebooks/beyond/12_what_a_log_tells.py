@@ -10,12 +10,11 @@ from itertools import product
 
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 from scipy import stats
 from scipy.optimize import least_squares
 
 import workbook
-from replication import bench, characteristic, joint, records, table2
+from replication import bench, characteristic, figures, joint, records, table2
 from workbook import Change
 
 workbook.say_times("12_what_a_log_tells")
@@ -61,9 +60,9 @@ workbook.check_parameters(
 #
 # ### Two unknowns
 #
-# The mean of eleven turns of the paper's joint has white noise of the SD $\sigma$ = 0.02 rps
-# Darker is more probable. *Predict:* a stiffer joint rings faster. Does not
-# knowing the stiffness make the backlash less certain?
+# The mean of eleven turns of the paper's joint has white noise of the SD $\sigma$ = 0.02 rps. Darker
+# is more probable. *Predict:* a stiffer joint rings faster. Does not knowing the stiffness make the
+# backlash less certain?
 
 # %%
 sigma = 0.02
@@ -100,15 +99,13 @@ posterior = np.exp((np.min(chi2) - chi2) / 2)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 sds = [1 / np.linalg.norm(J[:, 0]), sd[0]]  # without and with the second unknown
-figure, axis = plt.subplots(figsize=(4.5, 3), layout="constrained")
+figure, ((axis,),) = figures.grid()
 axis.contourf(deltas, stiffnesses, posterior, cmap="Blues")
-axis.plot(*truth, "x", color="C1", label="truth")
-axis.set(xlabel="backlash $\\delta$ [mrad]", ylabel="stiffness over the paper's")
-axis.locator_params(nbins=5)
-axis.legend()
+axis.plot(*truth, "X", color=figures.VERMILION, markersize=8, label="truth")
+axis.set(xlabel=figures.BACKLASH_LABEL, ylabel="stiffness over the paper's")
 workbook.show_figure(
     "two_unknowns",
-    figure,
+    figures.finish(figure, 1),
     "What one mean turn says of backlash and stiffness together, relative to the "
     "most probable pair. Not knowing the stiffness widens the SD (standard "
     f"deviation) of the backlash {sds[1] / sds[0]:.2f} times, from "
@@ -335,9 +332,8 @@ if chance > 1e-3:
     of_log = (
         f"The log of {backlash_mrad:g} mrad is fitted by {estimate:.3f} mrad, with "
         f"a 95 % interval of {estimate - 1.96 * sd_mrad:.3f} to "
-        f"{estimate + 1.96 * sd_mrad:.3f} mrad; for {np.sum(np.less(off, 1.96))} "
-        f"of {benches} joints drawn like this one the interval holds the true "
-        "backlash"
+        f"{estimate + 1.96 * sd_mrad:.3f} mrad; of joints drawn like this one "
+        f"{np.sum(np.less(off, 1.96))} of {benches} have the truth in theirs"
     )
 times = (mean / bound).map("{:.1f}".format)
 mean_mrad = mean.map("{:.4f}".format)

@@ -134,11 +134,14 @@ friction.round(3)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 most = friction.iloc[-1]
+change_percent = most["change_percent"]
+why = ""
+if change_percent < -5:
+    why = ", because one window of the signature no longer meets its ring"
 workbook.say(
-    f"$A$ {'falls' if most['change_percent'] < 0 else 'rises'}: with "
-    f"{100 * most['friction']:.2g} % of gravity by "
-    f"{abs(most['change_percent']):.0f} %, because one window of the signature no "
-    "longer meets its ring."
+    f"$A$ {'falls' if change_percent < 0 else 'rises'}: with "
+    f"{100 * most['friction']:.2g} % of gravity by {abs(change_percent):.0f} "
+    f"%{why}."
 )
 
 # %% [markdown]
@@ -197,27 +200,29 @@ workbook.say(f"Undecided: {full_robot[1]}.")
 
 # %%
 claims = published.decide_all(measured | {"full_robot": full_robot}, criteria)
+counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
+counts |= workbook.judge(claims=claims)["verdict"].value_counts()
+decided = (
+    f"Of {len(claims)} sentences {counts['holds']} hold, {counts['does not hold']} "
+    f"do not hold, and {counts['undecided']} are undecided"
+)
 workbook.show_figure(
     "claims_over_limits",
     studies.draw_margins(measured, criteria),
-    "What was measured of each sentence over the limit that decides it, turned so "
-    "that it holds below 1. A line is an interval; one across 1 decides nothing. "
-    "Beyond the frame is drawn at the frame.",
+    f"{decided}. Drawn is what was measured over the limit that decides it, turned "
+    "so that a sentence holds below 1. A line is an interval; one across 1 decides "
+    "nothing. Beyond the frame is drawn at the frame.",
 )
 
 # %% [markdown]
 # ## Verdict
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
-counts |= workbook.judge(claims=claims)["verdict"].value_counts()
 largest = friction.loc[friction["change_percent"].abs().idxmax()]
 workbook.verdict(
-    f"Of {len(claims)} sentences {counts['holds']} hold, {counts['does not hold']} "
-    f"do not hold, and {counts['undecided']} are undecided. Friction of "
-    f"{100 * largest['friction']:.2g} % of gravity changes $A$ by "
-    f"{largest['change_percent']:+.0f} %: the impacts are no longer half a turn "
-    "apart.",
+    f"{decided}. Friction of {100 * largest['friction']:.2g} % of gravity changes "
+    f"$A$ by {largest['change_percent']:+.0f} %: the impacts are no longer half a "
+    "turn apart.",
     claims=claims,
 )
 

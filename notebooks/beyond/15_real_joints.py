@@ -84,13 +84,17 @@ chosen[["joint", "verdict", "reason"]]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 commonest = chosen["reason"].value_counts()
-workbook.say(
-    f"Most often: {commonest.index[0]}, {commonest.iloc[0]} of {len(chosen)}. "
-    "Robots are logged while they work, and not while one joint turns round at "
-    "constant speed under gravity."
-    if len(commonest)
-    else f"Nothing: all {len(chosen)} are answered."
-)
+answer = f"Nothing: all {len(chosen)} are answered."
+if len(commonest):
+    answer = (
+        f"Most often: {commonest.index[0]}, {commonest.iloc[0]} of {len(chosen)}."
+    )
+    if commonest.index[0] == "not constant speed":
+        answer += (
+            " Robots are logged while they work, and not while one joint turns "
+            "round at constant speed under gravity."
+        )
+workbook.say(answer)
 
 # %% [markdown]
 # One of each reason, in full:
@@ -114,8 +118,8 @@ rigid.round(3)
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 heavy = int((rigid["left"] < 0.5).sum())
 workbook.say(
-    f"In {heavy} of {len(rigid)} logs the equation leaves less than half of "
-    "gravity: in these gravity can be told from what else the torque does."
+    f"The equation leaves less than half of gravity in {heavy} of {len(rigid)} "
+    "logs; only in such logs can gravity be told from what else the torque does."
 )
 
 # %% [markdown]

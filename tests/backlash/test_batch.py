@@ -1,5 +1,6 @@
 """Many logs: what tables say of each, workers that die, and runs that go on."""
 
+import errno
 import json
 import os
 import re
@@ -12,6 +13,7 @@ import pytest
 import backlash
 from backlash import batch, estimates
 from backlash.answer import Estimate
+from backlash.cli import estimate_logs
 from backlash.log_list import find_logs, keys_of, options_of, read_batch, read_rows
 from tests.logs import command, file, noisy, write
 
@@ -111,6 +113,25 @@ def test_an_interrupted_run_goes_on_from_its_journal(plant, tmp_path, examine):
     # The third answer is handed over before it is written.
     assert 5 <= examine.call_count <= 6
     assert answers[0] == first[0]
+
+
+def test_on_a_full_disk_no_table_is_written_and_the_same_command_goes_on(
+    plant, tmp_path, examine, monkeypatch, capfd
+):
+    out = tmp_path / "answers.csv"
+    words = f"estimate --turn-period 0.4 --jobs 1 --batch {plant} --out {out}"
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+    with monkeypatch.context() as disk:
+        disk.setattr(estimate_logs, "write_csv", full)
+        assert command(words) == 1
+    assert capfd.readouterr().err.splitlines() == [
+        "the answer cannot be written (No space left on device)"
+    ]
+    assert not out.exists()
+    examine.reset_mock()
+    assert command(words) == 0
+    assert not examine.called
+    assert len(pd.read_csv(out)) == 8
 
 
 class Killer:

@@ -48,6 +48,7 @@ def decide(monkeypatch):
         "measure_turn": SimpleNamespace(gear_ratio=1.0),
         **{
             "_check_movement": None,
+            "refuse_averaged": None,
             "_check_joint": None,
             "state_problem": SimpleNamespace(size=100),
         },

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.estimates import refuse_averaged
 from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
 from backlash.refusals import Refusal
+from backlash.torque.answer import refuse_averaged
 from replication.records import Recording
 from tests.logs import TURN, file, noisy, refusal
 

@@ -1,9 +1,12 @@
+import copy
 import io
 import re
 from contextlib import redirect_stdout
+from importlib import import_module
 from types import SimpleNamespace
 
 import IPython.display
+import joblib
 import jupytext
 import matplotlib
 import numpy as np
@@ -81,8 +84,45 @@ def run_notebook(monkeypatch, on_simulated_records):
     return run
 
 
+# What takes long, and a change seldom touches.
+COMPUTED_ONCE = {
+    "backlash": ["estimate"],
+    "replication.bench": ["fit_logs", "table3", "table4"],
+    "replication.evidence": ["make_multiverse"],
+    "replication.identification": ["identify_joint"],
+    "replication.joint": ["simulate"],
+    "replication.records": ["load_noisy"],
+    "replication.sentences": ["measure_dead_zone", "measure_records", "measure_table2"],
+    "replication.table2": ["best_fit", "fit", "realise", "repeated_fits"],
+    "studies.claims": ["amplitudes_without_backlash", "bits_study", "friction_study"],
+    "studies.edge": ["stepping_torque_study"],
+    "studies.replay": ["replay_stored_runs"],
+}
+
+
 @pytest.fixture
-def run_to_promises(monkeypatch):
+def computed_once(monkeypatch):
+    """Let each of these functions compute what it is asked for once, in all runs of a notebook."""
+    for module, names in COMPUTED_ONCE.items():
+        for name in names:
+            function = getattr(import_module(module), name)
+            monkeypatch.setattr(f"{module}.{name}", compute_once(function))
+
+
+def compute_once(function):
+    answers = {}
+
+    def computed_once(*args, **options):
+        asked = joblib.hash((args, options))
+        if asked not in answers:
+            answers[asked] = function(*args, **options)
+        return copy.deepcopy(answers[asked])
+
+    return computed_once
+
+
+@pytest.fixture
+def run_to_promises(monkeypatch, computed_once):
     """Run a notebook without its exercises, with other parameters, then as a change has it; returns the run."""
 
     def run(name, parameters=(), code=""):

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
         ("09", {"measure_mrad": 0.5}),
         ("11", {"my_log": "no such file.csv"}),
         ("12", {"gain_factor": 10}),
-        ("14", {"turns": [12]}),
+        ("14", {"bits": [5]}),
     ],
 )
 def test_a_natural_mistake_ends_in_one_line_that_names_the_parameter(

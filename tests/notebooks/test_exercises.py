@@ -17,7 +17,7 @@ FASTER = {
     "08": {"public": [1], "runs_each": 2},
     "09": {"benches": 2, "repeats": 2, "robots_each": 2, "couplings": [0.03]},
     "12": {"benches": 1, "levels": [6], "realisations": [1]},
-    "14": {"noises": 2, "noise_seeds": 2, "mountings": 1, "bits": [19], "frictions": [0.05]},
+    "14": {"noises": 2, "bits": [19], "frictions": [0.05]},
 }
 
 

@@ -11,10 +11,12 @@ NOTEBOOKS = [name for name in notebook_sources() if not name.startswith("15")]
 # With fewer runs what is foretold is the same.
 FASTER = {
     "00": {"runs": 15},
+    "03": {"alphas": [1e5]},
     "05": {"seeds": 2},
     "08": {"public": [1], "runs_each": 10},
-    "09": {"benches": 5, "repeats": 2, "robots_each": 8},
-    "12": {"benches": 1, "realisations": [1]},
+    "09": {"benches": 5, "repeats": 2, "robots_each": 8, "couplings": [0.03]},
+    "12": {"benches": 1, "realisations": [1], "levels": [3, 7, 11]},
+    "14": {"bits": [19]},
 }
 
 

@@ -73,6 +73,17 @@ def test_a_page_is_drawn_without_a_complaint_a_request_or_a_barrier(tab, book, n
     assert [url for url in page.outside if not url.startswith((book.as_uri(), "data:"))] == []
 
 
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_no_formula_and_no_code_of_a_notebook_scrolls_sideways(tab, name):
+    page = tab(notebook_sources()[name].relative_to(ROOT).with_suffix(""))
+    page.wait_for_selector("mjx-container")
+    wide = page.evaluate(
+        "[...document.querySelectorAll('div.math, div.cell_input pre')]"
+        ".filter(each => each.scrollWidth > each.clientWidth + 1).map(each => each.textContent)"
+    )
+    assert wide == []
+
+
 def test_the_first_page_is_the_report_and_a_search_finds_a_term(tab):
     page = tab("index")
     page.wait_for_url("**/results/report.html")

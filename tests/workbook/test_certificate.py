@@ -19,7 +19,8 @@ def clone(tmp_path, monkeypatch):
     source = tmp_path / "notebooks" / "01_small.py"
     source.parent.mkdir()
     source.write_text('workbook.show_figure("one", figure, "A figure.")\n')
-    made = [tmp_path / name for name in (*listed_exports(source), *certificate.OF_REPORT)]
+    others = ("README.md", "results/kept.csv", "results/report.md", "results/verdicts.csv")
+    made = [tmp_path / name for name in (*listed_exports(source), *others)]
     for file in made:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(file.name)
@@ -46,7 +47,7 @@ def test_a_rerun_to_the_same_bytes_is_certified_but_for_the_data_that_are_not_th
     assert "as committed | 7 of 7 |" in page
 
 
-@pytest.mark.parametrize("name", [FIGURE, "results/verdicts.csv", "notebooks/01_small.ipynb"])
+@pytest.mark.parametrize("name", [FIGURE, "results/kept.csv", "notebooks/01_small.ipynb"])
 def test_a_byte_that_changes_is_named(clone, name):
     (clone / name).write_text((clone / name).read_text() + " ")
     about = certificate.certify()

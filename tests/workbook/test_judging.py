@@ -1,6 +1,7 @@
 """Verdicts: a printed number agrees while ours and it are close, and both can end that."""
 
 import math
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -197,3 +198,11 @@ def test_a_claim_that_no_notebook_can_decide_says_why_and_another_is_refused(tmp
     assert claims.loc["static_reference", "measured"] == "the static measures are not printed"
     with pytest.raises(UserError, match="no notebook has decided it; make all"):
         judging.claims(tmp_path)
+
+
+@pytest.mark.parametrize("judge", [judging.verdicts, judging.claims])
+def test_a_notebook_s_outcome_in_the_place_of_another_s_is_refused(judge, tmp_path):
+    outcomes = shutil.copytree(RESULTS / "outcomes", tmp_path / "outcomes")
+    shutil.copy(outcomes / "04_growth_figure11.json", outcomes / "05_signature_figure6.json")
+    with pytest.raises(UserError, match=r"exported by two notebooks, 04_growth_figure11 and 05_"):
+        judge(tmp_path)

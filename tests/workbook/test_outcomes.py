@@ -1,6 +1,7 @@
 """A notebook's verdict: this run's numbers beside the printed and the committed ones, and what the report gets."""
 
 import json
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -105,22 +106,23 @@ def small_project(tmp_path, monkeypatch):
     )
     for name in outcomes.listed_exports(source):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
+        (tmp_path / name).write_text("made")
     for name, folder in (("ROOT", ""), ("NOTEBOOKS", "notebooks"), ("RESULTS", "results")):
         monkeypatch.setattr(outcomes, name, tmp_path / folder)
     return tmp_path
 
 
-def test_each_missing_file_is_named_with_the_notebook_that_makes_it(small_project):
+@pytest.mark.parametrize("damage", [Path.unlink, lambda file: file.write_bytes(b"")])
+def test_each_missing_or_empty_file_is_named_with_the_notebook_that_makes_it(damage, small_project):
     outcomes.refuse_missing()
     files = [file for file in small_project.rglob("*.*") if file.suffix != ".py"]
     assert len(files) == 5
     for file in files:
-        file.unlink()
-        says = rf"^{file.relative_to(small_project)} is missing; .* run notebooks/01_small\.py"
+        damage(file)
+        says = rf"^{file.relative_to(small_project)} is missing or empty; .* run notebooks/01_small\.py"
         with pytest.raises(UserError, match=says):
             outcomes.refuse_missing()
-        file.touch()
+        file.write_text("made again")
 
 
 def test_a_kept_table_that_is_missing_is_named(small_project):

@@ -2,13 +2,15 @@
 
 import math
 import re
+import shutil
+from unittest.mock import Mock
 
 import pytest
 
 from replication import published
 from replication.evidence import Rejections
 from replication.files import UserError
-from workbook import ROOT, judging, report
+from workbook import ROOT, judging, outcomes, report
 from workbook.outcomes import RESULTS
 
 TEXT = (RESULTS / "report.md").read_text("utf-8")
@@ -47,6 +49,33 @@ def test_a_report_that_lacks_something_writes_nothing(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="no notebook has computed it"):
         report.write_report(tmp_path, ROOT / "README.md")
     assert not written
+
+
+DAMAGES = {
+    "empty": ("hardware", lambda text: ""),
+    "only a header": ("hardware", lambda text: text.partition("\n")[0] + "\n"),
+    "no row of the twin": ("engine", lambda text: text.partition("\n")[0] + "\nx\n"),
+    "a column less": ("table2_multiverse", lambda text: re.sub(r"(?m)^[^,]*,", "", text)),
+    "half": ("table2_realisations", lambda text: text[: len(text) // 2].rpartition("\n")[0]),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_kept_table_or_readme_is_one_line_and_nothing_is_written(
+    damage, tmp_path, monkeypatch
+):
+    results = shutil.copytree(RESULTS, tmp_path / "results")
+    monkeypatch.setattr(outcomes, "RESULTS", results)
+    written = Mock()
+    monkeypatch.setattr(report, "write_files", written)
+    with pytest.raises(UserError, match="marks of the status are gone"):
+        report.write_report(results, results / "report.md")
+    name, change = DAMAGES[damage]
+    file = results / f"{name}.csv"
+    file.write_text(change(file.read_text()))
+    with pytest.raises(UserError, match="git checkout brings it back"):
+        report.write_report(results, ROOT / "README.md")
+    assert not written.called
 
 
 def test_every_link_of_report_and_readme_leads_to_a_file():
