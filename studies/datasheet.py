@@ -58,12 +58,8 @@ FAULTS = {
 }
 LOGS_OF_A_FAULT = 4
 NORMAL_95 = 1.96
-TOLD = (
-    "stiffness_per_s2",
-    "damping_ratio",
-    "friction_share",
-    "loss",
-)  # beside the backlash, each with its SD
+# Beside the backlash, each with its SD.
+TOLD = ("stiffness_per_s2", "damping_ratio", "friction_share", "loss")
 
 
 def measure_all(populations: Iterable[str] = (*TURNS, *FAULTS)) -> DataFrame:

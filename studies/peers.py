@@ -122,7 +122,7 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
         return search(generations(projected, five, seed, RPM_600.population), 200).misfit
 
     def of(peer: Callable) -> Callable[[int], float]:
-        return lambda seed: np.min(peer(misfits, box, seed, NOTEBOOK.iterations))
+        return lambda seed: peer(misfits, box, seed, NOTEBOOK.iterations)
 
     methods: dict[str, tuple[int, Callable[[int], float]]] = {
         "ours, five projected parameters, 600": (runs, run_projected),

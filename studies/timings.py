@@ -62,12 +62,8 @@ def bench() -> pd.DataFrame:
     with Parallel(n_jobs=2) as pool:
         pool(jobs[:2])  # starts and compiles
         together, fits = time_call(lambda: pool(jobs))
-    loop_of_fits = (
-        sum(each.generations for fit in fits for each in fit)
-        * settings.population
-        * loop
-        / evaluations
-    )
+    made = sum(each.generations for of_seed in fits for each in of_seed)
+    loop_of_fits = made * settings.population * loop / evaluations
     rows = [
         ("misfit of a member", compiled, plain, "equations 1 to 7 in NumPy"),
         (

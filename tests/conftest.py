@@ -57,7 +57,7 @@ PORTABLE = (
 
 
 def pytest_collection_modifyitems(items):
-    """Mark tests that another processor could fail (`make portable` runs them), and those that need data."""
+    """Mark tests that another processor could fail (`make test ONLY=portable` runs them), and those that need data."""
     for item in items:
         if item.nodeid.startswith(PORTABLE):
             item.add_marker("portable")

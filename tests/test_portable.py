@@ -1,4 +1,4 @@
-"""Settings of other processors, which `make portable` and the weekly workflow make, are in effect."""
+"""Settings of other processors, which `make test KERNEL=...` and the weekly workflow make, are in effect."""
 
 import ctypes
 import os
@@ -30,7 +30,9 @@ def openblas_kernels() -> set[str]:
     return kernels
 
 
-@pytest.mark.skipif(not KERNEL, reason="this processor's own settings; `make portable` sets others")
+@pytest.mark.skipif(
+    not KERNEL, reason="this processor's own settings; make test KERNEL=... sets others"
+)
 def test_the_settings_that_the_environment_asks_for_are_in_effect():
     assert openblas_kernels() <= {KERNEL, ALIASES.get(KERNEL)}
     if target := os.environ.get("NUMBA_CPU_NAME"):

@@ -55,9 +55,8 @@ class AnswerLimits:
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
-    most_off: float = (
-        3.5  # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off
-    )
+    # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off.
+    most_off: float = 3.5
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
     # Odd against even turns over gravity, and the times of gravity's line: of 100 simulated joints at most 0.14 % and
@@ -107,9 +106,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     rough = state_problem(turn, load, c.search_model_error, c.search_harmonics, 2 * c.step_s)
     problem = state_problem(turn, load, c.model_error, c.most_harmonics, c.step_s)
     best, *others = search(problem, rough)
-    scale = max(
-        best.chi2 / problem.size, 1.0
-    )  # of chi squared, where the model leaves more than noise
+    # Of chi squared, where the model leaves more than noise.
+    scale = max(best.chi2 / problem.size, 1.0)
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)
     rivals = [each for each in others if each.chi2 < best.chi2 + LIMITS.rival * scale]

@@ -174,7 +174,7 @@ def test_the_first_sentence_follows_the_cells_and_the_scores_of_the_likely_start
     )
     for excluding, words in ((0, "none of 7 scores exclude"), (1, "1 of 7 scores excludes")):
         said = render_evidence(facts, "per row", excluding=excluding, scores=7)
-        assert f"the likely reading of the text, {words} the table.**" in said
+        assert f"the text's likely reading, {words} the table at 5 %.**" in said
 
 
 def test_what_rejects_a_start_is_counted_in_its_sentence(facts):
