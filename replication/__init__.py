@@ -9,7 +9,7 @@ from typing import Any
 from replication.files import UserError
 
 
-def njit(function: Callable) -> Any:
+def njit(function: Callable, fastmath: set[str] | bool = False) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
     try:
         import numba  # slow, and not every command computes
@@ -18,9 +18,14 @@ def njit(function: Callable) -> Any:
         where = "the variables NUMBA_... and the file .numba_config.yaml"
         raise UserError(f"numba does not start: {why}; see {where}") from error
     try:
-        return numba.njit(cache=True, nogil=True)(function)
+        return numba.njit(cache=True, nogil=True, fastmath=fastmath)(function)
     except RuntimeError:  # no folder for the cache
-        return numba.njit(nogil=True)(function)
+        return numba.njit(nogil=True, fastmath=fastmath)(function)
+
+
+def njit_sums(function: Callable) -> Any:
+    """Compile sums whose terms may be added in any order, so several at once."""
+    return njit(function, {"reassoc", "contract", "nsz"})
 
 
 def has_avx2() -> bool:

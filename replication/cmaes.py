@@ -80,30 +80,33 @@ class State(NamedTuple):
     p_c: FloatArray
 
 
-def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constants) -> State:
+@njit
+def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next distribution.
 
     Parameters
     ----------
     state : State
         The distribution that was sampled.
+    z : array of shape (population, n)
+        Standard normal numbers of the samples, the best first.
     y : array of shape (population, n)
-        Steps (x_{i:lambda} - m) / sigma of the samples, the best first.
-    B, D : array of shape (n, n) and (n,)
-        Axes of C in columns, and their lengths: C = B D^2 B'.
+        Their steps (x_{i:lambda} - m) / sigma = B D z, so C^(-1/2) y = B z, and |C^(-1/2) y| = |z|.
+    B : array of shape (n, n)
+        Axes of C in columns: C = B D^2 B'.
     c : Constants
     """
     n = state.m.size
     step = c.weights[: c.mu] @ y[: c.mu]
     m = state.m + state.sigma * step  # equation 13
 
-    whitened = B @ (B.T @ step / D)  # C^(-1/2) times the mean's step over sigma
+    whitened = B @ (c.weights[: c.mu] @ z[: c.mu])  # C^(-1/2) times the mean's step over sigma
     gain = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
     growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
     # By a factor e at most.
-    sigma = state.sigma * np.exp(np.minimum(1, growth))  # equation 15
+    sigma = state.sigma * np.exp(min(1.0, growth))  # equation 15
 
     # 0, and p_c stalls, while p_sigma is much too long; else 1.
     squared_length = p_sigma @ p_sigma / (1 - (1 - c.c_sigma) ** (2 * state.g + 2))
@@ -113,13 +116,13 @@ def update(state: State, y: FloatArray, B: FloatArray, D: FloatArray, c: Constan
 
     # Where the weight is negative, a step is rescaled to the Mahalanobis length sqrt(n),
     # that of a usual sample.
-    lengths = np.sqrt(((y[c.mu :] @ B / D) ** 2).sum(axis=1))
     w = c.weights.copy()
-    w[c.mu :] *= n / (lengths + 1e-9) ** 2
+    for i in range(c.mu, w.size):
+        w[i] *= n / (np.sqrt(z[i] @ z[i]) + 1e-9) ** 2
     delta = (1 - h_sigma) * c.c_c * (2 - c.c_c)  # the paper's delta(h_sigma)
     # equation 17
     C = (1 - c.c_1 - c.c_mu * c.weights.sum()) * state.C
-    C += c.c_1 * (np.outer(p_c, p_c) + delta * state.C)
+    C += c.c_1 * (p_c[:, None] * p_c + delta * state.C)
     C += c.c_mu * (w * y.T) @ y
     return State(state.g + 1, m, sigma, C, p_sigma, p_c)
 
@@ -198,15 +201,16 @@ def generations(
     while True:
         squares, B = eigen((state.C + state.C.T) / 2)
         D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))  # rounding may leave a square below 0
-        y = normals.of(state.g) @ (B * D).T
+        z = normals.of(state.g)
+        y = z @ (B * D).T
         x = state.m + state.sigma * y  # equation 12
         members = _into_box(x * unit, *bounds)
         costs = misfits(members)
         if costs.shape != (population,) or not np.isfinite(costs).all():
             raise ValueError(f"generation {state.g + 1}: each member needs one finite misfit")
         yield Generation(state, D, members, costs)
-        ranked = y.take(np.argsort(costs, kind="stable"), axis=0)
-        state = update(state, ranked, B, D, c)
+        order = np.argsort(costs, kind="stable")
+        state = update(state, z.take(order, axis=0), y.take(order, axis=0), B, c)
 
 
 class Search(NamedTuple):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from replication import njit
+from replication import njit, njit_sums
 from replication.signature import FloatArray, Timing, rmse
 
 
@@ -66,20 +66,19 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
 def sum_windows(members, record):
     """Sums of w^2, w (v - mean) and w over a record, with w the signature of A = 1; shape (3, members)."""
     sums = np.empty((3, len(members)))
-    buffer = np.empty(record.size)
+    buffer = np.empty(max(record.size, 16))
     for p in range(len(members)):
         _, t0, tau, omega, _, T2, T1 = members[p]
         start = (t0 - record.t0) / record.dt
         first = max(int(np.ceil(start + T1 / record.dt)), 0)
         last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
+        size = max(last + 1 - first, 0)
         # u is one window; all others are its copies.
-        u = buffer[: max(last + 1 - first, 0)]
-        fill_oscillation(u, (first - start) * record.dt, T1, tau, omega, record.dt)
-        square = product = total = 0.0
-        for k in range(u.size):
-            square += record.both_count[first + k] * u[k] ** 2
-            product += record.signed_sum[first + k] * u[k]
-            total += record.signed_count[first + k] * u[k]
+        fill_oscillation(
+            buffer[: max(size, 16)], (first - start) * record.dt, T1, tau, omega, record.dt
+        )
+        u = buffer[:size]
+        square, product, total = weigh_window(u, record, first)
         # A window longer than half a turn overlaps its own turn's other one, and the next turn's first one.
         for k in range(record.half, u.size):
             square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
@@ -89,22 +88,43 @@ def sum_windows(members, record):
     return sums
 
 
+@njit_sums
+def weigh_window(u, record, first):
+    """Sums over the record of u^2, u (v - mean) and u, of windows that begin with sample `first` and do not overlap."""
+    square = product = total = 0.0
+    both_count = record.both_count[first : first + u.size]
+    signed_sum = record.signed_sum[first : first + u.size]
+    signed_count = record.signed_count[first : first + u.size]
+    for k in range(u.size):
+        square += both_count[k] * u[k] * u[k]
+        product += signed_sum[k] * u[k]
+        total += signed_count[k] * u[k]
+    return square, product, total
+
+
 @njit
 def fill_oscillation(u, since, T1, tau, omega, dt):
-    """Equation 5 with A = 1 in evenly spaced samples, the first of them `since` after the instant t0."""
+    """Equation 5 with A = 1 in 16 or more evenly spaced samples, the first of them `since` after the instant t0."""
     # exp(-(t - T1) tau) sin(omega t) is the imaginary part of a wave that each sample multiplies by the same factor.
     wave = np.exp(-(since - T1) * tau + 1j * omega * since)
     factor = np.exp((1j * omega - tau) * dt)
-    for k in range(min(u.size, 16)):
+    factor_2 = factor * factor
+    factor_4 = factor_2 * factor_2
+    factor_8 = factor_4 * factor_4
+    for k in range(4):
+        later = wave * factor_4
         u[k] = wave.imag
+        u[k + 4] = later.imag
+        u[k + 8] = (wave * factor_8).imag
+        u[k + 12] = (later * factor_8).imag
         wave *= factor
-    # So u_k = a u_(k - 8) + b u_(k - 16): eight samples do not depend on each other, and are computed at once.
-    factor *= factor
-    factor *= factor
-    factor *= factor
-    a, b = 2 * factor.real, -(factor.real**2 + factor.imag**2)
-    for k in range(16, u.size):
-        u[k] = a * u[k - 8] + b * u[k - 16]
+    # So u_k = a u_(k - 8) + b u_(k - 16): eight series that do not depend on each other.
+    a, b = 2 * factor_8.real, -(factor_8.real**2 + factor_8.imag**2)
+    for lane in range(8):
+        before, now = u[lane], u[lane + 8]
+        for k in range(lane + 16, u.size, 8):
+            before, now = now, a * now + b * before
+            u[k] = now
 
 
 @njit

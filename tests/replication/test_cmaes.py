@@ -55,13 +55,15 @@ def test_equations_13_to_17_give_what_the_library_gives_with_the_constants_of_20
     for generation in range(8):
         library.ask()
         squares, B = np.linalg.eigh(state.C)
-        y = rng.standard_normal((population, n)) @ (B * np.sqrt(squares)).T
-        y *= 40 if generation == 5 else 1  # the step size grows by e, and p_c stalls
+        z = rng.standard_normal((population, n))
+        z *= 40 if generation == 5 else 1  # the step size grows by e, and p_c stalls
+        y = z @ (B * np.sqrt(squares)).T
         x = state.m + state.sigma * y
         misfits = valley(x / 10)
         library.tell(list(x), list(misfits), check_points=False)
         growths.append(state.sigma)
-        state = update(state, y[np.argsort(misfits)], B, np.sqrt(squares), c)
+        order = np.argsort(misfits)
+        state = update(state, z[order], y[order], B, c)
         growths[-1] = state.sigma / growths[-1]
         theirs = (library.mean, library.sigma, library.adapt_sigma.ps, library.pc, library.sm.C)
         ours = (state.m, state.sigma, state.p_sigma, state.p_c, state.C)
@@ -77,7 +79,8 @@ def test_p_c_stalls_where_p_sigma_is_longer_than_the_method_allows(side, stalls)
     longest = np.sqrt((2 + 4 / (n + 1)) * n * (1 - (1 - c.c_sigma) ** (2 * (g + 1))))
     p_sigma = np.eye(n)[0] * longest * side / (1 - c.c_sigma)
     state = State(g, np.zeros(n), 1.0, np.eye(n), p_sigma, np.zeros(n))
-    C = update(state, np.zeros((30, n)), np.eye(n), np.ones(n), c).C
+    zeros = np.zeros((30, n))
+    C = update(state, zeros, zeros, np.eye(n), c).C
     forgets = 1 - c.c_1 - c.c_mu * c.weights.sum()
     assert C[0, 0] == pytest.approx(forgets + stalls * c.c_1 * c.c_c * (2 - c.c_c), rel=1e-12)
 
@@ -85,13 +88,14 @@ def test_p_c_stalls_where_p_sigma_is_longer_than_the_method_allows(side, stalls)
 def test_the_first_generation_is_drawn_about_the_middle_by_a_quarter_of_the_box():
     box = Box(np.array([-2.0, 0.0]), np.array([2.0, 10.0]))
     first, second = islice(generations(lambda X: X[:, 0], box, 3, 40), 2)
-    order = np.exp(0.5e-4 * np.array([0, 0.5]))  # square roots of C's diagonal, beside one
-    y = np.random.RandomState(3).randn(40, 2) * order
+    D = np.exp(0.5e-4 * np.array([0, 0.5]))  # square roots of C's diagonal, beside one
+    z = np.random.RandomState(3).randn(40, 2)
+    y = z * D
     np.testing.assert_allclose(first.members, into_box([0, 5] + [1, 2.5] * y, box), rtol=1e-12)
-    np.testing.assert_allclose(first.D, order, rtol=1e-12)
+    np.testing.assert_allclose(first.D, D, rtol=1e-12)
     np.testing.assert_array_equal(first.misfits, first.members[:, 0])
-    ranked = y[np.argsort(first.misfits)]
-    expected = update(first.state, ranked, np.eye(2), order, constants(40, 2))
+    order = np.argsort(first.misfits)
+    expected = update(first.state, z[order], y[order], np.eye(2), constants(40, 2))
     for ours, theirs in zip(second.state, expected, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-12)
     assert (first.state.g, second.state.g) == (0, 1)

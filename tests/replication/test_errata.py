@@ -168,9 +168,10 @@ def test_equation_13_needs_the_ranked_members_of_the_new_generation():
         rng, state = np.random.default_rng(2), start
         for _ in range(20):
             squares, B = np.linalg.eigh(state.C)
-            y = rng.standard_normal((300, 7)) @ (B * np.sqrt(squares)).T
+            z = rng.standard_normal((300, 7))
+            y = z @ (B * np.sqrt(squares)).T
             order = np.argsort(bowl(0.5 * (state.m + state.sigma * y))) if ranked else slice(None)
-            state = update(state, y[order], B, np.sqrt(squares), constants(300, 7))
+            state = update(state, z[order], y[order], B, constants(300, 7))
         distance[ranked] = np.linalg.norm(state.m - 1) / np.linalg.norm(start.m - 1)
     assert distance[True] < 1e-2
     assert distance[False] > 0.3
@@ -178,10 +179,8 @@ def test_equation_13_needs_the_ranked_members_of_the_new_generation():
 
 def test_c_sigma_acts_on_the_step_size_and_not_on_the_path_of_the_covariance():
     state, c = one_generation(-1.0, 1.0).state, constants(300, 7)
-    y = np.random.default_rng(1).standard_normal((300, 7))
-    ours, other = (
-        update(state, y, np.eye(7), np.ones(7), each) for each in (c, c._replace(c_sigma=0.5))
-    )
+    z = np.random.default_rng(1).standard_normal((300, 7))
+    ours, other = (update(state, z, z, np.eye(7), each) for each in (c, c._replace(c_sigma=0.5)))
     assert ours.sigma != other.sigma
     np.testing.assert_array_equal(ours.p_c, other.p_c)
 
