@@ -195,7 +195,7 @@ Code(textwrap.dedent(body), language="python")
 # %%
 order = np.argsort(misfits(members), kind="stable")
 ranked = ((x - state.m) / state.sigma)[order]
-after = cmaes.update(state, ranked, B, D, c)
+after = cmaes.update(state, z[order], ranked, B, c)
 moved = pd.DataFrame({"mean moves by": after.m - state.m}, index=Parameters._fields)
 moved["in the search"] = second.state.m - state.m
 moved["SD before"] = state.sigma * np.sqrt(np.diag(state.C))

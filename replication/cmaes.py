@@ -104,7 +104,7 @@ def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constan
     gain = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 
-    growth = c.c_sigma / c.d_sigma * (np.linalg.norm(p_sigma) / c.chi_n - 1)
+    growth = c.c_sigma / c.d_sigma * (float(np.linalg.norm(p_sigma)) / c.chi_n - 1)
     # By a factor e at most.
     sigma = state.sigma * np.exp(min(1.0, growth))  # equation 15
 
