@@ -17,14 +17,13 @@ from replication.files import UserError
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
 _UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
 
-# Read when NumPy and numba are imported, later: answers are the same on every x86-64 processor with AVX2. Whoever
-# chooses a kernel gets that.
-if not os.environ.keys() & {"OPENBLAS_CORETYPE", "NUMBA_CPU_NAME", "NPY_DISABLE_CPU_FEATURES"}:
-    os.environ |= pinned_environment()
-
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command of the sensor; whatever happens, no traceback, and no library's warnings."""
+    # Read when NumPy and numba are imported, below: answers are the same on every x86-64 processor with AVX2. Whoever
+    # chooses a kernel gets that.
+    if not os.environ.keys() & {"OPENBLAS_CORETYPE", "NUMBA_CPU_NAME", "NPY_DISABLE_CPU_FEATURES"}:
+        os.environ |= pinned_environment()
     # Plots are written to files, whatever the user's settings of matplotlib are.
     os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
     for stream in (sys.stdout, sys.stderr):

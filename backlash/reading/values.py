@@ -69,7 +69,7 @@ def mark_frozen(samples: Samples) -> Samples:
         share = 1 - usual.size / max(usual.sum(), 1)
         # As long as that no run of `share` repetitions is by chance.
         least = LIMITS.least_frozen
-        if share > 0:
+        if 0 < share < 1:
             least = max(least, 3 - 3 * np.log(signal.size) / np.log(share))
         # A coarse signal that turns slowly goes on by one step.
         leap = np.maximum(jumps[:-1], jumps[1:])
