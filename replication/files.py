@@ -79,6 +79,32 @@ def write_csv(path: Path, table: "pd.DataFrame") -> None:
     write_bytes(path, as_csv(table))
 
 
+# Beside tables that `make all` does not make: how many rows each was written with.
+KEPT_ROWS = "kept_rows.json"
+
+
+def write_kept(path: Path, table: "pd.DataFrame") -> None:
+    """Write a study's table, and beside it how many rows it has, by which one that is cut is known later."""
+    rows = _kept_rows(path.parent) | {path.name: len(table)}
+    write_files({path: as_csv(table), path.with_name(KEPT_ROWS): as_json(rows)})
+
+
+def check_kept(path: Path, table: "pd.DataFrame") -> None:
+    """Raise UserError if a table that was written by `write_kept` has other rows than then, or none."""
+    rows = _kept_rows(path.parent).get(path.name, len(table))
+    if table.empty or len(table) != rows:
+        raise UserError(f"{path}: {len(table)} of {rows} rows; git checkout brings it back")
+
+
+def _kept_rows(folder: Path) -> dict[str, int]:
+    """Rows by table; none is known where nothing was written yet."""
+    file = folder / KEPT_ROWS
+    try:
+        return dict(json.loads(file.read_text("utf-8"))) if file.exists() else {}
+    except ValueError as error:
+        raise UserError(f"{file}: no JSON ({error}); git checkout brings it back") from error
+
+
 def write_json(path: Path, content: dict) -> None:
     """Write a JSON file."""
     write_bytes(path, as_json(content))

@@ -16,7 +16,7 @@ from scipy import optimize
 
 from replication import published
 from replication.cmaes import Eigensolver, Normals, generations, search
-from replication.files import ROOT, write_csv
+from replication.files import ROOT, check_kept, write_kept
 from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import (
     RPM_PER_RPS,
@@ -421,6 +421,7 @@ def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, o
 def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
     """The realisations that are kept, under each protocol as many of each of rows 1 to 10: the rows of `realise`."""
     table = pd.read_csv(path)
+    check_kept(path, table)
     made = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size()
     whole = made.groupby("protocol").min()
     return table[table["realisation"] <= table["protocol"].map(whole)]
@@ -446,4 +447,4 @@ def make_realisations(path: Path = REALISATIONS, number: int = 40) -> None:
         ]
         rows = Parallel(n_jobs=-1)(delayed(realise)(*arguments) for arguments in plan)
         new = pd.DataFrame(rows)
-        write_csv(path, pd.concat([table, new]) if len(table) else new)
+        write_kept(path, pd.concat([table, new]) if len(table) else new)

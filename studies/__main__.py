@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from replication import pinned_environment
-from replication.files import ROOT, write_csv, write_json, write_text
+from replication.files import ROOT, write_json, write_kept, write_text
 
 RESULTS = ROOT / "results"
 
@@ -15,10 +15,12 @@ def write_claims() -> None:
     """The slow studies behind claims: results/alpha_refit.csv, noise_by_turns.csv and optimizers.csv."""
     from studies import claims, edge, optimizers
 
-    write_csv(RESULTS / "alpha_refit.csv", edge.refit_alphas())
-    write_csv(RESULTS / "noise_by_turns.csv", claims.kept_noise_errors(range(1, claims.NOISES + 1)))
+    write_kept(RESULTS / "alpha_refit.csv", edge.refit_alphas())
+    write_kept(
+        RESULTS / "noise_by_turns.csv", claims.kept_noise_errors(range(1, claims.NOISES + 1))
+    )
     runs = optimizers.run_jobs(optimizers.planned_runs())
-    write_csv(RESULTS / "optimizers.csv", runs)
+    write_kept(RESULTS / "optimizers.csv", runs)
     print(optimizers.success_table(runs).to_string(index=False))
 
 
@@ -26,7 +28,7 @@ def write_engine() -> None:
     """The paper's joint in a physics engine, and what the sensor says of its logs, into results/engine.csv."""
     from studies import engine
 
-    write_csv(RESULTS / "engine.csv", engine.measure_all())
+    write_kept(RESULTS / "engine.csv", engine.measure_all())
     _write_sheet()
 
 
@@ -34,7 +36,7 @@ def write_hardware() -> None:
     """What the sensor says of logs of real joints, into results/hardware.csv."""
     from studies import hardware
 
-    write_csv(RESULTS / "hardware.csv", hardware.measure_all())
+    write_kept(RESULTS / "hardware.csv", hardware.measure_all())
 
 
 def write_joint() -> None:
@@ -49,7 +51,7 @@ def write_datasheet() -> None:
     from studies import datasheet
 
     sheet = datasheet.summarise(datasheet.measure_all())
-    write_csv(RESULTS / "datasheet.csv", sheet)
+    write_kept(RESULTS / "datasheet.csv", sheet)
     _write_sheet()
     print(sheet.to_string(index=False))
 
@@ -69,7 +71,7 @@ def write_prediction() -> None:
     """The prediction of Table 2, whichever way it falls, into results/table2_prediction.csv."""
     from studies import prediction
 
-    write_csv(RESULTS / "table2_prediction.csv", prediction.run_prediction())
+    write_kept(RESULTS / "table2_prediction.csv", prediction.run_prediction())
 
 
 def write_realisations() -> None:

@@ -17,7 +17,7 @@ from joblib import Parallel, delayed
 from llvmlite import binding
 
 from replication import table2
-from replication.files import ROOT, write_csv
+from replication.files import ROOT, write_kept
 from replication.misfit import cost
 from replication.signature import FloatArray, rmse
 from replication.table2 import NOTEBOOK
@@ -96,5 +96,5 @@ if __name__ == "__main__":
     print(bench().to_string(index=False))
     for name, table in (("peers", compare_peers()), ("notebook_times", collect_notebook_times())):
         if len(table):
-            write_csv(ROOT / "results" / f"{name}.csv", of_now(table))
+            write_kept(ROOT / "results" / f"{name}.csv", of_now(table))
         print(table.to_string(index=False))

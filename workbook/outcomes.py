@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from replication import published
-from replication.files import FLOAT_FORMAT, ROOT, UserError, write_csv, write_json
+from replication.files import FLOAT_FORMAT, ROOT, UserError, check_kept, write_csv, write_json
 from replication.records import records_are_simulated
 
 if TYPE_CHECKING:
@@ -103,8 +103,7 @@ def read_kept(name: str) -> pd.DataFrame:
         table = pd.read_csv(file)
     except ValueError as error:
         raise UserError(f"{file}: no table ({error}); git checkout brings it back") from error
-    if table.empty:
-        raise UserError(f"{file}: no rows; git checkout brings it back")
+    check_kept(file, table)
     return table
 
 

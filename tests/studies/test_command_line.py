@@ -16,7 +16,7 @@ def test_a_study_that_is_unknown_or_has_no_data_is_one_line_and_writes_nothing(
     arguments, says, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    for write in ("write_csv", "write_text"):
+    for write in ("write_kept", "write_text"):
         monkeypatch.setattr(studies, write, lambda *_: pytest.fail("written"))
     assert studies.main(arguments) == 2
     assert says in capsys.readouterr().err.strip().splitlines()[-1]

@@ -1,23 +1,21 @@
 """The kept tables are what today's code makes: rows of each are made again, to the digit."""
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from replication.files import ROOT
+from replication.files import KEPT_ROWS, ROOT, UserError, check_kept, write_kept
 from studies.kept import KEPT, TIMED
 from workbook.outcomes import listed_exports, notebook_sources
 
 RESULTS = ROOT / "results"
-THERE = [
-    pytest.param(name, marks=[] if name == "engine" else pytest.mark.data)
-    for name in KEPT
-    if (RESULTS / f"{name}.csv").exists()
-]
+TABLES = [pytest.param(name, marks=[] if name == "engine" else pytest.mark.data) for name in KEPT]
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}
 OF_REPORT = {"verdicts", "claims"}
@@ -53,13 +51,32 @@ def test_every_table_is_made_by_a_notebook_or_the_report_or_kept():
     assert tables - exports - kept == set()
 
 
-@pytest.mark.parametrize("name", THERE)
+def test_every_kept_table_has_the_rows_that_it_was_written_with():
+    rows = json.loads((RESULTS / KEPT_ROWS).read_text("utf-8"))
+    assert rows.keys() == {f"{name}.csv" for name in (*KEPT, *TIMED)}
+    for name in rows:
+        check_kept(RESULTS / name, pd.read_csv(RESULTS / name))
+
+
+def test_a_kept_table_that_is_cut_is_refused(tmp_path):
+    file = tmp_path / "one.csv"
+    write_kept(file, pd.DataFrame({"x": [1, 2, 3]}))
+    write_kept(tmp_path / "two.csv", pd.DataFrame({"x": [1]}))
+    check_kept(file, pd.read_csv(file))
+    with pytest.raises(UserError, match=r"one\.csv: 2 of 3 rows"):
+        check_kept(file, pd.read_csv(file, nrows=2))
+    (tmp_path / KEPT_ROWS).write_text("{")
+    with pytest.raises(UserError, match="no JSON"):
+        check_kept(file, pd.read_csv(file))
+
+
+@pytest.mark.parametrize("name", TABLES)
 def test_a_row_of_a_kept_table_made_again_is_the_kept_one(name, needed):
     check(name, [KEPT[name].first])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", THERE)
+@pytest.mark.parametrize("name", TABLES)
 def test_ten_other_rows_of_a_kept_table_made_again_are_the_kept_ones(name, needed):
     rows = len((RESULTS / f"{name}.csv").read_text("utf-8").splitlines()) - 1
     check(name, [*np.unique(np.linspace(0, rows - 1, 11).astype(int))])
