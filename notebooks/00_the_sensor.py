@@ -52,14 +52,15 @@ runs = 25  # searches with each population
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, (0, 2.1)),
-    friction_share=(friction_share, (0, 0.5)),
-    sample_ms=(sample_ms, (1.0, 2.0, 4.0, 5.0)),
-    turn_period_s=(turn_period_s, (0.3, 0.5)),
-    noise_rps=(noise_rps, (0, 0.5)),
-    seed=(seed, range(1, 1_000_001)),
-    populations=(populations, [range(10, 1001)]),
-    runs=(runs, range(1, 101)),
+    globals(),
+    backlash_mrad=(0, 2.1),
+    friction_share=(0, 0.5),
+    sample_ms=(1.0, 2.0, 4.0, 5.0),
+    turn_period_s=(0.3, 0.5),
+    noise_rps=(0, 0.5),
+    seed=range(1, 1_000_001),
+    populations=[range(10, 1001)],
+    runs=range(1, 101),
 )
 
 # %% [markdown]
@@ -90,9 +91,8 @@ def draw_arm(axis, angle):  # hanging straight down at 0
     axis.axis("off")
 
 
-def draw_teeth(
-    axis, x, delta
-):  # in mrad: the tooth's middle at x; pressed flanks give way
+# In mrad: the tooth's middle at x; pressed flanks give way.
+def draw_teeth(axis, x, delta):
     give = x - np.clip(x, -delta, delta)
     axis.set(xlim=(-5, 5), ylim=(0, 1), yticks=[], facecolor="0.95")
     axis.set(title="motor's tooth between the load's flanks [mrad]")
@@ -149,22 +149,15 @@ workbook.say(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 gaps_mrad = 0.1 * np.arange(22)
-swept = [
-    simulate(joint, 1e-3 * gap, duration=0.8, sample=1e-4) for gap in gaps_mrad
-]
-peaks = [settled_peak(each, joint) for each in swept]
+swept = [simulate(joint, 1e-3 * gap, 2 * T_f, sample=1e-4) for gap in gaps_mrad]
+peaks = np.array([settled_peak(each, joint) for each in swept])
 
 
 def draw_gap(figure, k):
     draw_teeth(figure.add_axes((0.08, 0.6, 0.42, 0.28)), 0.0, gaps_mrad[k])
-    settled = swept[k].t >= T_f
-    r, open_gap = swept[k].v[settled] - v_t, swept[k].gap[settled] == 0
-    draw_speed(
-        figure.add_axes((0.1, 0.15, 0.4, 0.3)),
-        swept[k].t[settled] - T_f,
-        r,
-        open_gap,
-    )
+    speed, run = figure.add_axes((0.1, 0.15, 0.4, 0.3)), swept[k]
+    draw_speed(speed, run.t - T_f, run.v - v_t, run.gap == 0)
+    speed.set(xlim=(0, 1e3 * T_f))
     curve = figure.add_axes((0.62, 0.15, 0.35, 0.73))
     curve.plot(peaks, gaps_mrad, ".-")
     curve.plot(peaks[k], gaps_mrad[k], "ko")
@@ -178,15 +171,14 @@ workbook.flipbook(
     round(10 * backlash_mrad),
 )
 times = peaks[20] / peaks[10]
+measures = "Each gap has its own value, so the ring can measure it."
+if np.any(np.diff(peaks) <= 0):
+    measures = "Some gaps share a value, so here it cannot measure them."
 workbook.say(
     f"{'No' if times < 1.95 else 'Nearly'}: from 1 to 2 mrad the largest value "
     f"grows {times:.2f} times, from {peaks[10]:.2f} to {peaks[20]:.2f} rps: the "
     "teeth meet faster after a wider gap ([notebook 4](04_growth_figure11.ipynb)). "
-    + (
-        "Each gap has its own value, so the ring can measure it."
-        if np.all(np.diff(peaks) > 0)
-        else "Some gaps share a value, so here it cannot measure them."
-    )
+    f"{measures}"
 )
 
 # %% [markdown]
@@ -207,7 +199,7 @@ log = Recording(t, v, v_t, T_f, "our log")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 DOTS = {"color": figures.ORANGE, "marker": ".", "linestyle": "", "markersize": 3}
-figure, ((axis,),) = figures.grid(height_in=2.4)
+figure, axis = figures.panel(2.4)
 axis.plot(t, v - v_t, label="log, second and third turn", **DOTS)
 axis.plot(t, clean - v_t, label="without noise", **figures.FIT)
 axis.set(xlim=(T_f, 3 * T_f), xlabel="time [s]", ylabel="$r$ [rps]")
@@ -307,16 +299,14 @@ searched = pd.DataFrame(
 searched["lowest"] = searched["rmse"] <= best.rmse * (1 + BASIN_GAP)
 by_points = searched.groupby("points", sort=False)
 reached, means = by_points["lowest"].sum(), by_points["A"].mean()
-figure, ((axis,),) = figures.grid(height_in=2.8)
+figure, axis = figures.panel(2.8)
 for mark, (size, part) in zip("x+sd^v1234" * 99, by_points, strict=False):
     axis.plot(part["A"], part["rmse"], mark, label=f"{size} points")
-aside = {"color": figures.INK, "mfc": "none", "markersize": 9}
-axis.plot(best.amplitude_rps, best.rmse, "o", label="best fit", **aside)
+axis.plot(best.amplitude_rps, best.rmse, "ko", mfc="none", label="best fit")
 axis.set(xlabel="amplitude $|A|$ [rps]", ylabel="RMSE [rps]")
 counts = "; ".join(
     f"with {size} points a generation {reached[size]} of {runs} at the lowest "
-    f"misfit, and the mean of all {off_percent(means[size]):+.0f} % off the true "
-    "$A$"
+    f"misfit, and the mean $A$ of all {off_percent(means[size]):+.0f} % off"
     for size in fits
 )
 wrong = searched[~searched["lowest"]]
@@ -324,13 +314,14 @@ near = (wrong["A"] / best.amplitude_rps).between(0.97, 1.03).sum()
 answer = f"Here they do: {counts}."
 if len(wrong):
     answer = (
-        f"No: {counts}. The others end in wrong minima, {near} of {len(wrong)} "
-        "with an $A$ within 3 % of the best fit's: only their misfit tells them."
+        f"No: {counts} the true one. The others end in wrong minima, {near} of "
+        f"{len(wrong)} with an $A$ within 3 % of the best fit's: only their misfit "
+        "tells them."
     )
 workbook.show(figures.finish(figure, 3), answer)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, ((axis,),) = figures.grid(height_in=2.8)
+figure, axis = figures.panel(2.8)
 axis.plot(t, v - best.X.v_t, label="log, sixth turn", **DOTS)
 axis.plot(t, clean - best.X.v_t, linewidth=3, color="0.8", label="without noise")
 axis.plot(t, h(t, best.X), label="best signature $h$", **figures.FIT)
@@ -371,8 +362,8 @@ A = best.amplitude_rps
 estimate_mrad = equation_10(A)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, ((axis,),) = figures.grid(height_in=2.6)
-axis.plot(peaks, equation_10(np.array(peaks)), label="equation 10", **figures.FIT)
+figure, axis = figures.panel(2.6)
+axis.plot(peaks, equation_10(peaks), label="equation 10", **figures.FIT)
 axis.plot([A, A, 0], [0, estimate_mrad, estimate_mrad], label="estimate")
 axis.plot(A_true, backlash_mrad, "o", label="truth")
 axis.set(xlabel="amplitude $A$ [rps]", ylabel=figures.BACKLASH_LABEL)

@@ -74,10 +74,11 @@ alphas = [1e3, 1e4, 1e5, 1e6]  # sharpness of the edge, 1/rad
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = identified_joint()
 workbook.check_parameters(
-    backlash_mrad=(backlash_mrad, (0.1, 2.1)),
-    friction_share=(friction_share, (0, 0.2)),
-    changes=(changes, dict.fromkeys(ratios(identified), (0, 10))),
-    alphas=(alphas, [(1, 1e12)]),
+    globals(),
+    backlash_mrad=(0.1, 2.1),
+    friction_share=(0, 0.2),
+    changes=dict.fromkeys(ratios(identified), (0, 10)),
+    alphas=[(1, 1e12)],
 )
 
 # %% [markdown]
@@ -146,31 +147,26 @@ x = np.linspace(-3 * delta, 3 * delta, 1201)
 outside = np.abs(x) > delta
 shapes = {alpha: (tau_l(x, alpha), K_BL(x, alpha)) for alpha in alphas}
 shapes[np.inf] = joint.K_s * (x - np.clip(x, -delta, delta)), joint.K_s * outside
+names = ["alpha_per_rad", "delta_theta_rad", "torque_nm", "stiffness_nm_per_rad"]
 curves = pd.concat(
-    pd.DataFrame(
-        {"alpha_per_rad": alpha, "delta_theta_rad": x, "torque_nm": torque}
-    ).assign(stiffness_nm_per_rad=stiffness)
-    for alpha, (torque, stiffness) in shapes.items()
+    pd.DataFrame(dict(zip(names, (alpha, x, *shape), strict=True)))
+    for alpha, shape in shapes.items()
 )
 softest = min(alphas)
-at_edge, in_middle = (
-    K_BL(delta, softest) / joint.K_s,
-    K_BL(0.0, softest) / joint.K_s,
-)
+at_edge, in_middle = K_BL(np.array([delta, 0]), softest) / joint.K_s
 workbook.show_figure(
     "figure09_dead_zone",
     figures.dead_zone(curves, delta),
-    f"(a) Stiffness of equation 8 and (b) torque of equation 9 for {len(alphas)} "
-    f"value{'s' * (len(alphas) > 1)} of alpha, and the clamped dead zone, at "
-    f"delta = {backlash_mrad:g} mrad (dotted: its edges); (c) within the gap, the "
-    f"sharp edges alone. At {softest:,.0f} per rad {100 * at_edge:.3g} % of K_s "
+    "(a) Stiffness of equation 8 and (b) torque of equation 9 by alpha [1/rad], "
+    f"and the clamped dead zone, at delta = {backlash_mrad:g} mrad (dotted: its "
+    f"edges); (c) within the gap, the sharp edges alone. At {softest:,.0f} per rad {100 * at_edge:.3g} % of K_s "
     "are left at the edge, where one of the arctangents is zero, and "
     f"{100 * in_middle:.2g} % in the middle, where they cancel only if alpha "
     "delta is large.",
 )
 
 # %% [markdown]
-# In the middle equation 8 is about $2 K_s / (\pi\alpha\delta)$, and equation 9 jumps by
+# In the middle equation 8 is about $2 K_s / (\pi\alpha\delta)$: equation 9 jumps by
 # $2 \delta K_{BL}(0, \delta)$.
 #
 # ### The same with SciPy
@@ -232,7 +228,7 @@ r_scipy = solve_joint(joint, 0.8) / (2 * np.pi) - 100
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t_k, of_simulate = t[::5][: r_scipy.size], r[::5][: r_scipy.size]
 apart_rps = np.abs(r_scipy - of_simulate)[t_k >= 0.4].max()
-figure, ((axis,),) = figures.grid(height_in=2.4)
+figure, axis = figures.panel(2.4)
 axis.plot(t_k, of_simulate, linewidth=4, color="0.8", label="simulate")
 axis.plot(t_k, r_scipy, label="SciPy", **figures.FIT)
 axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="$r$ [rps]")
@@ -260,14 +256,12 @@ workbook.show(
 def impedances(j):  # Z(s), a term a step
     spring = j.K_i + j.K_p * j.K_pos + j.K_w
 
-    def late(
-        s,
-    ):  # lag, one period of delay, and half a period as the torque is held
+    # The lag, one period of delay, and half a period as the torque is held.
+    def late(s):
         return np.exp(-1.5 * j.period * s) / (1 + j.torque_lag * s)
 
-    def leak_and_integral(
-        s,
-    ):  # the leak of K_w, the integral of the position's error
+    # The leak of K_w, and the integral of the position's error.
+    def leak_and_integral(s):
         return j.K_w * (s / (s + j.w_rate) - 1) + j.K_i * j.K_pos / s
 
     def lagging(s):
@@ -302,16 +296,15 @@ ring.round(1)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 gained = ring["decay [1/s]"].diff()
-most, least = (
-    name.removeprefix("+ ") for name in (gained.idxmax(), gained.idxmin())
-)
-why = ": a torque against the speed takes energy out" if most == "K_p" else ""
+why = {
+    "+ K_p": ": a torque against the speed takes energy out",
+    "+ lag and delay": ": a late torque no longer opposes the speed",
+}
+most, least = gained.idxmax(), gained.idxmin()
 workbook.say(
-    f"{most} adds most to the decay, {gained.max():+.0f} 1/s{why}; with {least} it "
-    f"changes by {gained.min():+.0f} 1/s, because a late torque no longer opposes "
-    "the speed."
-    if least == "lag and delay"
-    else f"{most} adds most to the decay, {gained.max():+.0f} 1/s{why}."
+    f"“{most}” adds most to the decay, {gained.max():+.0f} 1/s"
+    f"{why.get(most, '')}. “{least}” changes it by {gained.min():+.0f} 1/s"
+    f"{why.get(least, '') if gained.min() < 0 else ''}."
 )
 
 # %% [markdown]
@@ -330,7 +323,7 @@ with workbook.explain("changes", changes):
     free = (t > impacts[0] + 0.02) & (t < (parted[0] if parted.size else t[-1]))
     start = [-modes[-1].real, modes[-1].imag, 0.1, 0.1, 0, 0, 0]
     fitted, _ = curve_fit(oscillation, t[free] - impacts[0], r[free], start)
-figure, ((axis,),) = figures.grid(height_in=2.4)
+figure, axis = figures.panel(2.4)
 axis.plot(t, r, linewidth=4, color="0.8", label="simulate")
 drawn = oscillation(t[free] - impacts[0], *fitted)
 axis.plot(t[free], drawn, label="fitted oscillation", **figures.FIT)

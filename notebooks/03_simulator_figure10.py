@@ -46,7 +46,7 @@ workbook.say_times("03_simulator_figure10")
 # the gains multiplies every torque and changes no motion. So the speed tells only ratios:
 # $K_s / J_l$, $G / J_l$, $J_l / (N^2 J_m)$, the gains over $J_m$, and the drive's own rates, times
 # and angles. The load of 5 kg, as a point mass, sets the scale. The drive's *structure* was chosen
-# with all records and the printed $A$ in view: agreement is a fit, and no independent validation.
+# with all records and the printed $A$ in view: agreement is a fit, no validation.
 
 # %% [markdown]
 # ## Parameters
@@ -67,11 +67,12 @@ committed = identified_joint()
 allowed = dict.fromkeys([*ratios(committed), *numbers_of(committed)], (0, 100))
 allowed |= {"N": (0.25, 4), "Omega": (0.25, 4)}  # they make the turn's length
 workbook.check_parameters(
-    level=(level, CLEAN_LEVELS),
-    friction_share=(friction_share, (0, 0.5)),
-    changes=(changes, allowed),
-    alphas=(alphas, [(1e3, 1e12)]),
-    start_factor=(start_factor, (0.75, 1.6)),
+    globals(),
+    level=CLEAN_LEVELS,
+    friction_share=(0, 0.5),
+    changes=allowed,
+    alphas=[(1e3, 1e12)],
+    start_factor=(0.75, 1.6),
 )
 
 # %% [markdown]
@@ -104,16 +105,13 @@ delta = level_delta_rad(level)
 run = fine[delta]
 shown = np.arange(round(2 * T_f / 5e-5), round(4 * T_f / 5e-5), 40)
 lag = run.theta_m - joint.N * joint.start_angle - joint.Omega * run.t
+x_mrad = 1e3 * (run.theta_m / joint.N - run.theta_l)
 recorded = records[delta].v[shown // 40] if compared else None
 signals = [
     ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", lag[shown], None),
     ("motor speed\n[rps]", run.v[shown], recorded),
     ("motor torque\n[N m]", run.torque[shown], None),
-    (
-        "$\\theta_m / N - \\theta_l$\n[mrad]",
-        1e3 * (run.theta_m / joint.N - run.theta_l)[shown],
-        None,
-    ),
+    ("$\\theta_m / N - \\theta_l$\n[mrad]", x_mrad[shown], None),
 ]
 figure10 = figures.simulated_joint(run.t[shown], signals)
 of_speed = "(b) motor speed over the record, and (c) their difference"
@@ -154,17 +152,13 @@ table = pd.DataFrame({"delta_rad": levels.keys(), "level": levels.values()})
 table["used_in_fit"] = table["level"].isin(FIT_LEVELS)
 table["peak_rps"] = [settled_peak(each, joint) for each in fine.values()]
 if compared:
-    misfits = {
-        delta: nrmse(fine[delta].v[::40], records[delta]) for delta in records
-    }
+    pairs = {delta: (fine[delta].v[::40], records[delta]) for delta in records}
+    misfits = {delta: nrmse(*pair) for delta, pair in pairs.items()}
     table["nrmse_percent"] = 100 * table["delta_rad"].map(misfits)
-    with_first_turn = 100 * max(
-        nrmse(fine[delta].v[::40], records[delta], 0) for delta in records
-    )
+    with_first_turn = 100 * max(nrmse(*pair, first=0) for pair in pairs.values())
     table["printed_A_rps"] = table["delta_rad"].map(table2.theoretical_amplitudes())
-    table["peak_error_percent"] = 100 * (
-        table["peak_rps"] / table["printed_A_rps"] - 1
-    )
+    off = table["peak_rps"] / table["printed_A_rps"] - 1
+    table["peak_error_percent"] = 100 * off
 table.round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -186,22 +180,18 @@ else:
 # %% [markdown]
 # ### The peaks without a simulator
 #
-# Between the samples of the settled turns we take a cubic spline (`records.interpolated_peak`), so
-# that the verdicts on the printed $A$ rest on the authors' records alone where these are public
-# (K = 3 to 11). A Fourier series would read corners that impacts leave 1 % too high. *Predict:* do
-# the samples or their interpolation give the printed $A$?
+# A cubic spline between the samples of the settled turns (`records.interpolated_peak`) needs the
+# authors' records alone, where these are public (K = 3 to 11). *Predict:* do the samples or their
+# interpolation give the printed $A$?
 
 # %%
 printed = table2.theoretical_amplitudes()
 traced = pd.DataFrame({"printed_A_rps": printed}).drop(index=level_delta_rad(2))
-settled_v = {delta: records[delta].v[200:2400] for delta in traced.index}
-traced["largest_sample_rps"] = [v.max() - 100 for v in settled_v.values()]
-traced["interpolated_rps"] = [
-    interpolated_peak(v) - 100 for v in settled_v.values()
-]
-traced["error_percent"] = 100 * (
-    traced["interpolated_rps"] / traced["printed_A_rps"] - 1
-)
+settled = [records[delta].v[200:2400] - 100 for delta in traced.index]
+traced["largest_sample_rps"] = [r.max() for r in settled]
+traced["interpolated_rps"] = [interpolated_peak(r) for r in settled]
+over = traced["interpolated_rps"] / traced["printed_A_rps"]
+traced["error_percent"] = 100 * (over - 1)
 traced.rename_axis("delta_rad").round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -224,7 +214,7 @@ workbook.say(
 # With the Jacobian $J$ of its residuals,
 # $\hat p_j \pm t_{0.975}\,\sigma \sqrt{[(J^\top J)^{-1}]_{jj}}$ with $\sigma^2 = 2C / (n - 11)$ are
 # the 95 % intervals. The fit starts with the stiffness, the inertias' ratio and the speed gain away
-# from the committed values, the others at them. *Predict:* which ratios will come back?
+# from the committed values. *Predict:* which ratios will come back?
 
 # %%
 moved = dict.fromkeys(["K_s/J_l", "J_l/(N^2 J_m)", "K_p/J_m"], start_factor)
@@ -253,9 +243,9 @@ workbook.say(
 )
 
 # %% [markdown]
-# The intervals take the residual for white noise; most of it is the records' rounding to five
-# digits, so they are approximate. `lead`, the time before the record, is identified in the first
-# turn. Some ratios are known only together, these pairs with a correlation beyond 0.9:
+# The intervals are approximate: they take the residual for white noise, but most of it is the
+# records' rounding to five digits. `lead`, the time before the record, is identified in the first
+# turn. These pairs, with a correlation beyond 0.9, are known only together:
 
 # %%
 pairs = fit.correlation.stack().rename("correlation").reset_index()
@@ -270,11 +260,8 @@ pairs[(pairs["level_0"] < pairs["level_1"]) & (pairs["correlation"].abs() > 0.9)
 
 # %%
 def mean_misfit_percent(joint):
-    pairs = [
-        (simulate(joint, delta, step=5e-5).v, record)
-        for delta, record in records.items()
-    ]
-    return 100 * np.mean([nrmse(v, record) for v, record in pairs])
+    speeds = [simulate(joint, delta, step=5e-5).v for delta in records]
+    return 100 * np.mean([*map(nrmse, speeds, records.values())])
 
 
 edges = {
@@ -282,23 +269,20 @@ edges = {
     for alpha in sorted(alphas)
 }
 edges["infinite"] = mean_misfit_percent(committed._replace(clamped=True))
-pd.Series(edges, name="mean NRMSE [%]").rename_axis("alpha [1/rad]").round(
-    2
-).to_frame()
+pd.DataFrame({"mean NRMSE [%]": edges}).rename_axis("alpha [1/rad]").round(2)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 unlike = [misfit >= 1.05 * edges["infinite"] for misfit in edges.values()]
 alike = [*edges][sum(unlike) :]  # the misfit falls with the sharpness
-softer = (
-    "softer edges leave stiffness in the gap ([notebook 1](01_the_joint.ipynb))"
-)
+which = "None of these is as good as a sharp edge"
 if len(alike) > 1:
-    workbook.say(
-        f"From {alike[0]} per rad on the misfit is that of a sharp edge within 5 "
-        f"%; {softer}."
+    which = (
+        f"From {alike[0]} per rad on the misfit is that of a sharp edge within 5 %"
     )
-else:
-    workbook.say(f"None of these is as good as a sharp edge: {softer}.")
+workbook.say(
+    f"{which}: softer edges leave stiffness in the gap ([notebook "
+    "1](01_the_joint.ipynb))."
+)
 
 # %% [markdown]
 # ### An engine that nobody here wrote
@@ -309,17 +293,11 @@ else:
 
 # %%
 twins = workbook.read_kept("engine").dropna(subset=["nrmse"])
-engine_figure, ((axis,),) = figures.grid(height_in=2.2)
+twins = twins.sort_values("step_s")
+engine_figure, axis = figures.panel(2.2)
 axis.plot(1e6 * twins["step_s"], 100 * twins["nrmse"], "o-", **figures.OURS)
-axis.set(
-    xlabel="step of the engine [µs]",
-    ylabel="NRMSE [%]",
-    xlim=(0, None),
-    ylim=(0, None),
-)
-finest, coarsest = (
-    twins.loc[step] for step in (twins["step_s"].idxmin(), twins["step_s"].idxmax())
-)
+axis.set(xlabel="step of the engine [µs]", ylabel="NRMSE [%]")
+finest, coarsest = twins.iloc[0], twins.iloc[-1]
 workbook.show_figure(
     "figure10_engine",
     engine_figure,

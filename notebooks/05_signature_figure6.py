@@ -34,14 +34,12 @@ record = load_clean(12)
 turn = slice(200, 401)  # the second one
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, ((axis,),) = figures.grid(height_in=2.4)
+figure, axis = figures.panel(2.4)
 t_turn, r_turn = record.t[turn], record.v[turn] - 100
 axis.plot(t_turn, r_turn, **figures.FIT)
 axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
-first, second = (
-    half.start + np.abs(r_turn[half]).argmax()
-    for half in (slice(0, 100), slice(100, 200))
-)
+first, second = np.abs(r_turn[:200]).reshape(2, 100).argmax(axis=1)
+second += 100
 workbook.show(
     figure,
     f"Seven: the largest excursions, {r_turn[first]:+.2f} and "
@@ -99,11 +97,12 @@ seeds = 3  # searches of each fit
 with workbook.explain("more_bounds", more_bounds):
     your_names = [*more_bounds]
 workbook.check_parameters(
-    run=(run, range(1, 31)),
-    turns=(turns, range(1, 13)),
-    cost=(cost, ("RMSE", "L1", callable)),
-    more_bounds=(more_bounds, {key: [(-np.inf, np.inf)] for key in your_names}),
-    seeds=(seeds, range(2, 31)),
+    globals(),
+    run=range(1, 31),
+    turns=range(1, 13),
+    cost=("RMSE", "L1", callable),
+    more_bounds={key: [(-np.inf, np.inf)] for key in your_names},
+    seeds=range(2, 31),
 )
 
 
@@ -114,14 +113,9 @@ def rmse(residual):
 costs = {"RMSE": rmse, "L1": lambda residual: np.mean(np.abs(residual))}
 criterion = costs.get(cost, cost)
 with workbook.explain("cost", getattr(cost, "__name__", cost)):
-    one, two, minus_two = (
-        float(criterion(np.full(9, size))) for size in (1.0, 2.0, -2.0)
-    )
-    if not 0 <= one < min(two, minus_two):
-        raise ValueError(
-            "it should return a number from 0 on that grows with the residual's "
-            "size"
-        )
+    one, *twice = (float(criterion(np.full(9, size))) for size in (1.0, 2.0, -2.0))
+    if not 0 <= one < min(twice):
+        raise ValueError("it should return a number that grows with the residual")
 with workbook.explain("more_bounds", more_bounds):
     if any(len(pair) != 2 or pair[0] >= pair[1] for pair in more_bounds.values()):
         raise ValueError("each parameter needs a lower and a higher bound")
@@ -217,19 +211,16 @@ workbook.show_figure(
 
 # %%
 stored_rmse = stored_runs["final_rmse_rps"].to_numpy()
-reproduced = {
-    n: sum(
-        abs(rmse(residual_signal(X, n)) - end) < 1e-6
-        for X, end in zip(stored_X, stored_rmse, strict=True)
-    )
-    for n in range(10, 15)
-}
-display(pd.Series(reproduced, name="stored runs").rename_axis("turns").to_frame())
+reproduced = {}
+for n in range(10, 15):
+    ours = np.array([rmse(residual_signal(X, n)) for X in stored_X])
+    reproduced[n] = int(np.sum(np.abs(ours - stored_rmse) < 1e-6))
+pd.DataFrame({"stored runs": reproduced}).rename_axis("turns")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-basins = stored_runs.assign(RMSE=stored_rmse.round(3), A=stored_runs["A_rps"].abs())
-basins = basins.groupby("RMSE")["A"].agg(["size", "mean"])
-display(basins.rename(columns={"size": "runs", "mean": "mean |A| [rps]"}).round(3))
+sizes = stored_runs["A_rps"].abs()
+basins = sizes.groupby(stored_rmse.round(3)).agg(["size", "mean"])
+display(basins.set_axis(["runs", "mean |A| [rps]"], axis=1).rename_axis("RMSE"))
 why = (
     f"{record.source} ends after {record.t[-1] / 0.4:g} turns, so a later "
     "oscillation changes nothing, and a missing one does"
@@ -240,7 +231,7 @@ workbook.say(
     f"With twelve turns {reproduced[12]} of {len(stored_runs)}: {why}. The runs "
     f"end in {len(basins)} [basins](glossary.md#basin), {basins['size'].iloc[0]} "
     f"in the lowest with a mean $|A|$ of {basins['mean'].iloc[0]:.3f} rps; the "
-    f"mean over all, {stored_runs['A_rps'].abs().mean():.3f} rps, hides that."
+    f"mean over all, {sizes.mean():.3f} rps, hides that."
 )
 
 # %% [markdown]
@@ -253,11 +244,8 @@ workbook.say(
 
 # %%
 t_fit, v_fit = record.t[200:400], record.v[200:400]
-bounds = dict(
-    zip(
-        Parameters._fields, zip(*table1_box(t_fit, v_fit), strict=True), strict=True
-    )
-)
+ends = zip(*table1_box(t_fit, v_fit), strict=True)
+bounds = dict(zip(Parameters._fields, ends, strict=True))
 bounds |= {"t0": (0.0, 0.4)} | more_bounds  # t0 lies in the turn before
 
 
@@ -270,12 +258,9 @@ def paper_residual(X):
 
 
 # %%
-def best_of_seeds(
-    residual, criterion, kind
-):  # of parameters: the paper's, or yours
-    def misfits(
-        members,
-    ):  # of all members at once: a row each, and a column a sample
+def best_of_seeds(residual, criterion, kind):  # of parameters: paper's, or yours
+    # Of all members at once: a row each, and a column a sample.
+    def misfits(members):
         residuals = residual(kind(*members.T[:, :, None]))
         return np.array([criterion(each) for each in residuals], dtype=float)
 
@@ -316,10 +301,7 @@ workbook.say(
 # ## Verdict
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-cells = {
-    "text.commanded_speed": float(np.median(record.v)),
-    "text.runs": len(stored_runs),
-}
+cells = {"text.commanded_speed": np.median(record.v), "text.runs": len(stored_runs)}
 all_of = [n for n, count in reproduced.items() if count == len(stored_runs)]
 if all_of:
     cells["text.turns"] = min(all_of)

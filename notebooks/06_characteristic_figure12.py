@@ -33,9 +33,8 @@ workbook.say_times("06_characteristic_figure12")
 
 
 # %%
-def polynomial(
-    A, coefficients
-):  # delta [rad]; the constant's coefficient comes first
+# delta [rad]; the constant's coefficient comes first.
+def polynomial(A, coefficients):
     return sum(c * np.asarray(A) ** k for k, c in enumerate(coefficients))
 
 
@@ -44,17 +43,16 @@ theoretical = published.column("Table 2", "theoretical")[: delta.size]
 printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, ((axis,),) = figures.grid(height_in=2.8)
+figure, axis = figures.panel(2.8)
 axis.plot(theoretical, 1e3 * delta, label="Table 2, its levels", **figures.PRINTED)
-for unit, times in (("rps", 1), ("rpm", 60)):
-    by_unit = 1e3 * polynomial(times * theoretical, printed)
-    axis.plot(theoretical, by_unit, label=f"equation 10, $A$ in {unit}")
+in_rps, in_rpm = (polynomial(k * theoretical, printed) for k in (1, 60))
+axis.plot(theoretical, 1e3 * in_rps, label="equation 10, $A$ in rps")
+axis.plot(theoretical, 1e3 * in_rpm, label="equation 10, $A$ in rpm")
 axis.set(xlabel="theoretical $A$ [rps]", ylabel=figures.BACKLASH_LABEL)
-in_rps = 1e3 * polynomial(theoretical, printed)
-misses = 1e3 * np.abs(polynomial(60 * theoretical, printed) - delta).max()
+misses = 1e3 * np.abs(in_rpm - delta).max()
 workbook.show(
     figures.finish(figure, 2),
-    f"In rps it gives {in_rps.min():.3f} to {in_rps.max():.3f} mrad at all ten "
+    f"In rps it gives {1e3 * in_rps.min():.3f} to {1e3 * in_rps.max():.3f} mrad at all ten "
     f"points; in rpm it misses none by more than {misses:.3f} mrad. The equation "
     "takes rpm ([erratum E1](../results/report.md#errata)), so the coefficient of "
     "$A^k$ is in rad/rpm$^k$.",
@@ -85,13 +83,16 @@ criteria = {}
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = joint.identified_joint()
 workbook.check_parameters(
-    rpm_per_rps=(rpm_per_rps, (1e-3, 1e4)),
-    left_out=(left_out, [range(1, 11), []]),
-    changes=(changes, dict.fromkeys(joint.ratios(identified), (0.5, 2))),
-    degree=(degree, range(1, 7)),
-    criteria=(criteria, dict.fromkeys(sentences.OF_EQUATION_10, (-1e3, 1e3))),
+    globals(),
+    rpm_per_rps=(1e-3, 1e4),
+    left_out=[range(1, 11), []],
+    changes=dict.fromkeys(joint.ratios(identified), (0.5, 2)),
+    degree=range(1, 7),
+    criteria=dict.fromkeys(sentences.OF_EQUATION_10, (-1e3, 1e3)),
 )
-workbook.check_parameters(**{"rows in left_out": (len(set(left_out)), range(6))})
+workbook.check_parameters(
+    {"rows in left_out": len(set(left_out))}, **{"rows in left_out": range(6)}
+)
 
 # %% [markdown]
 # ## Result
@@ -102,9 +103,8 @@ workbook.check_parameters(**{"rows in left_out": (len(set(left_out)), range(6))}
 
 
 # %%
-def fit_polynomial(
-    A, delta_rad, degree=3
-):  # by least squares: coefficients and RMSE [rad]
+# By least squares: coefficients and RMSE [rad].
+def fit_polynomial(A, delta_rad, degree=3):
     powers = np.asarray(A)[:, None] ** np.arange(degree + 1)
     coefficients, *_ = np.linalg.lstsq(powers, delta_rad)
     return coefficients, np.sqrt(np.mean((powers @ coefficients - delta_rad) ** 2))
@@ -163,10 +163,7 @@ workbook.show_figure(
             "our simulated peaks": (peaks, delta),
         },
         {
-            "equation 10 less printed points": (
-                theoretical,
-                polynomial(60 * theoretical, printed) - delta,
-            ),
+            "equation 10 less printed points": (theoretical, in_rpm - delta),
             "ours less equation 10": (A_rps, by_ours - by_print),
         },
     ),
@@ -193,7 +190,7 @@ workbook.show_figure(
 # %%
 mean = published.column("Table 2", "mean")[: delta.size]
 points = pd.DataFrame({"delta": delta, "A_rps": theoretical})  # delta in rad
-points["by A in rpm"] = polynomial(60 * theoretical, printed)
+points["by A in rpm"] = in_rpm
 points["by the mean"] = polynomial(60 * mean, printed)
 points["error_of_A"] = points["by the mean"] - points["by A in rpm"]
 points["error"] = points["by the mean"] - delta
@@ -218,9 +215,8 @@ workbook.say(
 # $10^{-6}$. *Predict:* could rounding change a printed digit?
 
 # %%
-moved = (
-    rpm_per_rps * (theoretical + 0.5e-4 * np.eye(theoretical.size))[used][:, used]
-)
+half_a_digit = 0.5e-4 * np.eye(theoretical.size)
+moved = rpm_per_rps * (theoretical + half_a_digit)[used][:, used]
 refitted = [fit_polynomial(A, delta[used])[0] for A in moved]
 rounding_moves = 1e6 * np.abs(np.array(refitted) - fitted).sum(axis=0)
 by_rounding = pd.DataFrame({"printed": 1e6 * printed, "fitted": 1e6 * fitted})
@@ -232,13 +228,10 @@ shaken = [f"A^{k}" for k in range(4) if rounding_moves[k] > 1e-4]
 met = "do not all come back with these parameters"
 if agreeing == 4:
     met = (
-        "come back to the last one, so only a fit to the printed, rounded "
-        "amplitudes explains them"
+        "come back, so only a fit to the printed, rounded amplitudes explains them"
     )
 workbook.say(
-    f"{'Yes' if shaken else 'No'}, in {len(shaken)} of 4 coefficients "
-    f"({', '.join(shaken) or 'none'}). The printed digits "
-    f"{met}."
+    f"{'Yes, in ' + ', '.join(shaken) if shaken else 'No'}. The printed digits {met}."
 )
 
 # %% [markdown]
@@ -275,9 +268,7 @@ of_text = {
 # %% [markdown]
 # ## Verdict
 #
-# The coefficients are judged to their printed digits, which only a cubic through the printed points can give. Those of
-# our own peaks are not judged: a cubic's coefficients are strongly correlated, so peaks 1 % apart give other
-# coefficients and nearly the same curve.
+# The coefficients are judged to their printed digits, which only a cubic through the printed points can give.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 tables = arithmetic["element"].str.lower().str.replace(" ", "")
@@ -286,9 +277,6 @@ cells |= dict(zip(ids, arithmetic["relative_error_percent"], strict=True))
 cells |= {f"text.{name}": float(number) for name, number in of_text.items()}
 cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
 
-# %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-A_rps = np.linspace(0, theoretical.max(), 1000)
-slope = np.gradient(polynomial(60 * A_rps, printed), A_rps).min()
 claims = published.decide_all(sentences.measure_equation_10(), criteria)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
@@ -298,11 +286,10 @@ workbook.verdict(
     f"RMSE is {1e3 * fitted_rmse:.4f} mrad; printed are "
     f"{1e10 * printed_rmse:.4f}·10⁻¹⁰ rad. As printed, with $A$ in rpm, equation "
     "10 misses its ten points by at most "
-    f"{1e3 * (points['by A in rpm'] - delta).abs().max():.2g} mrad, and Table 2's "
+    f"{misses:.2g} mrad, and Table 2's "
     f"errors of $A$ mean up to {1e3 * points['error_of_A'].abs().max():.2g} mrad. "
-    f"A polynomial of degree {degree} misses our simulated peaks by "
-    f"{1e3 * ours_rmse:.5f} mrad (RMSE), and is at most {1e3 * apart:.2g} mrad "
-    "from equation 10.",
+    f"A polynomial of degree {degree} through our simulated peaks (RMSE "
+    f"{1e3 * ours_rmse:.5f} mrad) is at most {1e3 * apart:.2g} mrad from it.",
     cells,
     claims,
     {"rounding_moves_A0": f"{rounding_moves[0]:.2f}"},
@@ -388,7 +375,9 @@ workbook.check_answer(rounding_urad, 1e6 * moved_rad, to=1)
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 limit_rps = brentq(lambda A: polynomial(60 * A, printed) - 2e-3, 0, theoretical[-1])
-print(f"{limit_rps:.3f} rps; the smallest slope is {1e3 * slope:.2g} mrad per rps")
+axis_rps = np.linspace(0, theoretical[-1], 1000)
+least = np.diff(polynomial(60 * axis_rps, printed)).min() / axis_rps[1]
+print(f"{limit_rps:.3f} rps; the smallest slope is {1e3 * least:.2g} mrad per rps")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 inverted = characteristic.equation_10().amplitude_rps(2e-3)

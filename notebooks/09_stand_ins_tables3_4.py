@@ -62,14 +62,15 @@ shaking = 0.1  # torque over m g r of one disturbance, on a joint without backla
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    repeats=(repeats, range(2, 1001)),
-    drawn_seed=(drawn_seed, range(0, 10**6)),
-    spread=(spread, dict.fromkeys(asdict(bench.Spread()), (0, 0.3))),
-    benches=(benches, range(2, 1001)),
-    measure_mrad=(measure_mrad, (1e-3, 0.1)),
-    robots_each=(robots_each, range(2, 10001)),
-    couplings=(couplings, [(0, 1)]),
-    shaking=(shaking, (1e-4, 1)),
+    globals(),
+    repeats=range(2, 1001),
+    drawn_seed=range(0, 10**6),
+    spread=dict.fromkeys(asdict(bench.Spread()), (0, 0.3)),
+    benches=range(2, 1001),
+    measure_mrad=(1e-3, 0.1),
+    robots_each=range(2, 10001),
+    couplings=[(0, 1)],
+    shaking=(1e-4, 1),
 )
 
 # %% [markdown]
@@ -115,15 +116,10 @@ drawn_spread = replace(bench.Spread(), **spread)
 with workbook.explain("spread", spread):
     stand_in = bench.draw_bench(np.random.default_rng(drawn_seed), drawn_spread)
     table3 = bench.table3(stand_in, deltas, drawn_seed, repeats)
-    others = [
-        (
-            bench.draw_bench(np.random.default_rng((drawn_seed, k)), drawn_spread),
-            delta,
-        )
-        for k in range(benches)
-        for delta in deltas
-    ]
-    population = bench.fit_logs(others, drawn_seed)
+    seeds = [np.random.default_rng((drawn_seed, k)) for k in range(benches)]
+    others = [bench.draw_bench(rng, drawn_spread) for rng in seeds]
+    cases = [(other, delta) for other in others for delta in deltas]
+    population = bench.fit_logs(cases, drawn_seed)
 of_delta = dict(zip(deltas, known["interpolated"], strict=True))
 of_true = population["A_rps"] / population["delta_rad"].map(of_delta)
 population["error_percent"] = 100 * (of_true - 1)
@@ -134,9 +130,7 @@ errors["printed"] = 100 * (published.column("Table 3", "mean") / known_A - 1)
 errors.round(2)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-rows = table3.set_index(
-    table3["delta_rad"].map(lambda delta: f"{1e3 * delta:.2g} mrad")
-)
+rows = table3.set_index((1e3 * table3["delta_rad"]).map("{:.2g} mrad".format))
 names = {"printed_mean": "mean", "printed_sd": "sd", "printed_known": "known"}
 names |= {"mean_A_rps": "mean_ours", "sd_A_rps": "sd_ours"}
 within = errors["printed"].between(errors["min"], errors["max"]).sum()
@@ -164,20 +158,21 @@ workbook.show_figure(
 
 
 # %%
-def draw_robots(
-    coupling,
-):  # of each kind as many: kinds, and cases of (bench, backlash)
+# As many of each kind: kinds, and cases of (bench, backlash).
+def draw_robots(coupling):
     rng = np.random.default_rng(drawn_seed)
     kinds = list(bench.ROBOTS) * robots_each
     return kinds, [bench.draw_robot(rng, kind, coupling) for kind in kinds]
 
 
-def roc(table):  # of each A that occurs: shares of both kinds at or above
+def rates(table, T):  # f and d at the thresholds T
+    kinds = table.groupby("kind", sort=False)["A_rps"]
+    return [np.mean(A.to_numpy()[:, None] >= T, axis=0) for _, A in kinds]
+
+
+def roc(table):  # at each A that occurs
     T = np.sort(table["A_rps"])[::-1]
-    kinds = (
-        table["A_rps"][table["kind"] == kind].to_numpy() for kind in bench.ROBOTS
-    )
-    f, d = (np.mean(A[:, None] >= T, axis=0) for A in kinds)
+    f, d = rates(table, T)
     return pd.DataFrame({"T": T, "f": f, "d": d})
 
 
@@ -194,20 +189,11 @@ best = curve.loc[(curve["d"] - curve["f"]).idxmax()]  # Youden
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 quiet_arms = robots[couplings[0]]
-printed = dict(
-    zip(("robot A", "robot B"), published.column("Table 4", "mean"), strict=True)
-)
-rates = {
-    name: [
-        np.mean(part["A_rps"] >= T)
-        for _, part in quiet_arms.groupby("kind", sort=False)
-    ]
-    for name, T in printed.items()
-}
-kinds = {
-    kind: part["A_rps"] for kind, part in quiet_arms.groupby("kind", sort=False)
-}
-lines = {f"printed, {name}": T for name, T in printed.items()}
+printed = published.column("Table 4", "mean")  # of robots A and B
+false, true = rates(quiet_arms, printed)
+better = (true - false).argmax()
+kinds = dict([*quiet_arms.groupby("kind", sort=False)["A_rps"]])
+lines = dict(zip(("printed, robot A", "printed, robot B"), printed, strict=True))
 detected = {
     f"couplings to {100 * coupling:.3g} %, area {areas[coupling]:.3f}": (
         100 * np.r_[0, each["f"]],
@@ -216,15 +202,14 @@ detected = {
     for coupling, each in curves.items()
 }
 figure = figures.detection(kinds, lines | {"best threshold": best["T"]}, detected)
-better = max(rates, key=lambda name: rates[name][1] - rates[name][0])
 workbook.show_figure(
     "table4_robots",
     figure,
     f"(a) A of {robots_each} simulated healthy robots and as many with excessive "
-    f"backlash. (b) The rates of all thresholds. The $A$ of {better}: it would "
-    f"detect {100 * rates[better][1]:.0f} % with "
-    f"{100 * rates[better][0]:.0f} % false alarms; the best threshold, "
-    f"{best['T']:.3f} rps, {100 * best['d']:.0f} % with {100 * best['f']:.0f} %.",
+    f"backlash. (b) The rates of all thresholds. The $A$ of robot {'AB'[better]}: "
+    f"it would detect {100 * true[better]:.0f} % with {100 * false[better]:.0f} % "
+    f"false alarms; the best threshold, {best['T']:.3f} rps, "
+    f"{100 * best['d']:.0f} % with {100 * best['f']:.0f} %.",
 )
 
 # %% [markdown]
@@ -241,7 +226,7 @@ table4[
 healthy_A, excessive_A = table4["mean_A_rps"]
 workbook.say(
     f"B's $A$ is {excessive_A / healthy_A:.1f} times A's, printed "
-    f"{printed['robot B'] / printed['robot A']:.1f} times; other draws give other "
+    f"{printed[1] / printed[0]:.1f} times; other draws give other "
     "ratios."
 )
 
@@ -265,7 +250,7 @@ sweep = bench.fit_logs(shaken, drawn_seed).assign(order=orders)
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 mistaken = sweep["A_rps"] >= best["T"]
 odd = sweep["order"] % 2 == 1
-figure, ((axis,),) = figures.grid(height_in=2.8)
+figure, axis = figures.panel(2.8)
 for order in orders[odd]:
     axis.axvline(order, color="0.85", linewidth=5)
 axis.plot(sweep["order"], sweep["A_rps"], "o-", **figures.OURS)
@@ -292,25 +277,19 @@ workbook.show_figure(
 cells = {}
 for table, made in (("table3", table3), ("table4", table4)):
     for row, (mean, sd) in enumerate(
-        made[["mean_A_rps", "sd_A_rps"]].to_numpy(), start=1
+        made[["mean_A_rps", "sd_A_rps"]].to_numpy(), 1
     ):
-        cells |= {
-            f"{table}.row{row:02d}.mean": mean,
-            f"{table}.row{row:02d}.sd": sd,
-        }
-cells |= {
-    f"table3.row{row:02d}.known": A
-    for row, A in enumerate(known["interpolated"], 1)
-}
+        cells[f"{table}.row{row:02d}.mean"] = mean
+        cells[f"{table}.row{row:02d}.sd"] = sd
+for row, A in enumerate(known["interpolated"], 1):
+    cells[f"table3.row{row:02d}.known"] = A
 claims = {
     "static_reference": (
         published.decide("static_reference", np.nan),
         "the static measures are not printed",
     )
 }
-of_areas = ", ".join(
-    f"{area:.2f} at {100 * each:.3g} %" for each, area in areas.items()
-)
+of_areas = [f"{area:.2f} at {100 * each:.3g} %" for each, area in areas.items()]
 workbook.verdict(
     f"Table 3's known A lie within {off_A.min():.5f} rps of the way "
     f"“{off_A.idxmin()}”, with a measure to {measure_mrad:g} mrad. The mean A of "
@@ -318,7 +297,7 @@ workbook.verdict(
     f"{100 * (table3['mean_A_rps'] / known_A - 1).mean():+.0f} % off on average. "
     f"Of {robots_each} robots of each kind the best threshold detects "
     f"{100 * best['d']:.0f} % with {100 * best['f']:.0f} % false alarms; area "
-    f"under the curve by the largest coupling torque: {of_areas} of gravity. One "
+    f"under the curve by the largest coupling torque: {', '.join(of_areas)} of gravity. One "
     f"sinusoidal torque of {100 * shaking:.3g} % of gravity makes a joint without "
     f"backlash look excessive at {mistaken.sum()} of {len(sweep)} frequencies.",
     cells,

@@ -3,7 +3,7 @@
 One look means one thing in all figures: `LOG` what was recorded, `STAND_IN` what is simulated in place of an
 unpublished log, `FIT` what was fitted or simulated over it, `RESIDUAL` what that leaves, `OURS` what we computed,
 `PRINTED` what the paper prints, `DIFFERS` a printed number outside our interval. A figure of a notebook's own begins
-with `grid` and ends with `finish`.
+with `panel` or `grid` and ends with `finish`.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -91,6 +91,12 @@ def grid(
         return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
 
 
+def panel(height_in: float = 3.2) -> tuple[Figure, Axes]:
+    """Make a figure in the workbook's style, and its only axes."""
+    figure, axes = grid(height_in=height_in)
+    return figure, axes[0, 0]
+
+
 def letter_panels(axes: Iterable[Axes]) -> None:
     """Put (a), (b), ... before the titles of a figure's panels."""
     for letter, axis in zip("abcdefgh", axes, strict=False):
@@ -149,7 +155,7 @@ def _centre(axis: Axes) -> None:
 @in_style
 def speed_signal(t: FloatArray, v: FloatArray, turn_period_s: float) -> Figure:
     """Figure 5: the motor speed with its superimposed oscillations; dotted lines are turns."""
-    figure, ((axis,),) = grid(height_in=2.6)
+    figure, axis = panel(2.6)
     axis.plot(t, v, **FIT)
     for turn in np.arange(t[0], t[-1], turn_period_s):
         axis.axvline(turn, **DOTTED)
@@ -371,7 +377,7 @@ def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> 
     `rows` has a row for each of the table, by its name: `mean, sd, mean_ours, sd_ours` [rps], and `known` where one is
     printed.
     """
-    figure, ((axis,),) = grid(height_in=3.0)
+    figure, axis = panel(3.0)
     at = np.arange(len(rows))
     style: Style = {"fmt": "s", "color": PINK, "label": "stand-in (simulated)"}
     axis.errorbar(at - 0.1, rows["mean_ours"], rows["sd_ours"], **style)
@@ -449,7 +455,7 @@ def multiverse(choices: pd.DataFrame) -> Figure:
         for names in (of_row, of_column)
     )
     y, x = _spread(rows, 1.2), _spread(columns, 0.4)
-    figure, ((axis,),) = grid(height_in=0.2 * (max(y.values()) + 7))
+    figure, axis = panel(0.2 * (max(y.values()) + 7))
     small: Style = {"fontsize": 7.5, "va": "center"}
     for choice in choices.to_dict("records"):
         at = x[choice["numbers"], choice["score"]], y[choice["start"], choice["settings"]]

@@ -303,7 +303,7 @@ def draw_margins(measured: Mapping[str, Measured], criteria: Criteria = None) ->
     ends = sorted(
         (*margin(claim, numbers, criteria), claim) for claim, (numbers, _) in measured.items()
     )
-    figure, ((axis,),) = figures.grid(height_in=0.6 + 0.22 * len(ends))
+    figure, axis = figures.panel(0.6 + 0.22 * len(ends))
     for row, (low, high, claim) in enumerate(ends):
         label, colour, mark = LOOKS[published.decide(claim, measured[claim][0], criteria)]
         inside = np.clip([low, high], 1.2e-2, 80)

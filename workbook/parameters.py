@@ -17,14 +17,16 @@ def is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
-def check_parameters(**parameters: tuple[Any, Any]) -> None:
+def check_parameters(values: Mapping[str, Any], /, **allowed: Any) -> None:
     """Refuse a value that is not allowed, in one line.
 
     Parameters
     ----------
-    **parameters : (value, allowed)
-        A parameter's value, and what it may be: `(low, high)` for numbers between two ends, a `range`
-        of whole numbers, a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
+    values : mapping
+        Values by name: a notebook's `globals()`.
+    **allowed : pair, range, tuple, list or dict
+        What each parameter may be: `(low, high)` for numbers between two ends, a `range` of whole numbers,
+        a tuple of choices, which may hold `callable` for any function. `[allowed]` asks for a list
         with an item or more, `[allowed, []]` for one that may be empty, `{name: allowed}` for a
         mapping with some of these names.
 
@@ -35,12 +37,12 @@ def check_parameters(**parameters: tuple[Any, Any]) -> None:
 
     Examples
     --------
-    >>> check_parameters(seed=(1.5, range(1, 1000)))
+    >>> check_parameters({"seed": 1.5}, seed=range(1, 1000))
     Traceback (most recent call last):
     workbook.parameters.ParameterError: seed = 1.5: it should be a whole number from 1 to 999
     """
-    for name, (value, allowed) in parameters.items():
-        _check(name, value, allowed)
+    for name, may_be in allowed.items():
+        _check(name, values[name], may_be)
 
 
 def _check(name: str, value: Any, allowed: Any) -> None:

@@ -57,13 +57,12 @@ log_turns = 12  # of each log
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    my_log=(my_log, (my_log,)),  # reading it says what is wrong with it
-    my_settings=(my_settings, (my_settings,)),
-    bench_seed=(bench_seed, range(0, 10**6)),
-    backlash_mrad=(backlash_mrad, (0, 5)),
-    friction_share=(friction_share, (0, 2)),
-    gravity_given=(gravity_given, (0.1, 10)),
-    log_turns=(log_turns, range(4, 41)),
+    globals(),
+    bench_seed=range(0, 10**6),
+    backlash_mrad=(0, 5),
+    friction_share=(0, 2),
+    gravity_given=(0.1, 10),
+    log_turns=range(4, 41),
 )
 
 # %% [markdown]
@@ -124,7 +123,7 @@ tau_l = my_joint.N * (torque - torque.mean() - my_joint.J_m * acceleration)
 amplitude = np.abs(2 * np.fft.rfft(tau_l)[1] / TURN)
 small = np.abs(tau_l) < 0.1 * amplitude
 t_ms = 2 * np.arange(TURN)
-figure, ((axis,),) = figures.grid(height_in=2.6)
+figure, axis = figures.panel(2.6)
 of_motor = my_joint.N * (torque - torque.mean())
 axis.plot(t_ms, of_motor, label="$N \\tau_m$", **figures.LOG)
 axis.plot(t_ms, tau_l, label="$\\tau_l$", **figures.FIT)
@@ -183,13 +182,22 @@ if by_torque.trace:
         "whole log.",
     )
 
+
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+def write_interval(answer):
+    low, high = 1e3 * np.array(answer.backlash_interval_rad)
+    holds = "holds" if low <= backlash_mrad <= high else "does not hold"
+    return (
+        f"{1e3 * answer.backlash_rad:.3f} mrad, whose interval of {low:.3f} to "
+        f"{high:.3f} mrad {holds} the true {backlash_mrad:g} mrad"
+    )
+
+
 of_gravity = np.nan
 if by_torque.joint:
     of_gravity = by_torque.joint["gravity_per_s2"][0] / ratios["G/J_l"]
 if by_torque.backlash_rad:
     low, high = by_torque.backlash_interval_rad
-    holds = "holds" if low <= backlash_rad <= high else "does not hold"
     half_percent = 100 * (high - low) / (high + low)
     why = "no wider than gravity's 5 %"
     if half_percent > 5:
@@ -198,15 +206,12 @@ if by_torque.backlash_rad:
             "are fitted to the same log"
         )
     workbook.say(
-        f"±{half_percent:.1f} %, and it {holds} the true {backlash_mrad:g} mrad: "
-        f"{why}. Gravity was given as {gravity_given:g} times the true one, the "
-        f"fit ends at {of_gravity:.3f} times; the backlash "
-        f"comes out as {1e3 * by_torque.backlash_rad:.3f} mrad."
+        f"±{half_percent:.1f} %, {why}: {write_interval(by_torque)}. Gravity was "
+        f"given as {gravity_given:g} times the true one, the fit ends at "
+        f"{of_gravity:.3f} times."
     )
-elif by_torque.reason:
-    workbook.say(f"No interval: {by_torque.reason}. {by_torque.explanation}")
 else:
-    workbook.say(f"No interval: {by_torque.verdict}.")
+    workbook.say(f"No interval: {by_torque.summary}.")
 
 # %% [markdown]
 # Compare the printed lines with the joint's data sheet: a stiffness or an inertia that is not the
@@ -241,7 +246,7 @@ answers = {
     for name, (record, given) in odd.items()
 }
 said = {name: answer.summary for name, answer in answers.items()}
-pd.Series(said, name="answer").to_frame()
+pd.DataFrame({"answer": said})
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 refused = [
@@ -264,12 +269,7 @@ workbook.say(
 def in_words(answer):
     if answer.backlash_rad is None:
         return f"no answer ({answer.reason})"
-    low, high = answer.backlash_interval_rad
-    holds = "holds" if low <= backlash_rad <= high else "does not hold"
-    return (
-        f"{answer.verdict}, {1e3 * answer.backlash_rad:.3f} mrad, whose interval "
-        f"of {1e3 * low:.3f} to {1e3 * high:.3f} mrad {holds} the true one"
-    )
+    return f"{answer.verdict}, {write_interval(answer)}"
 
 
 workbook.verdict(
@@ -291,7 +291,10 @@ workbook.try_changing(
         "backlash_mrad = 0.5",
         "a smaller gap is crossed sooner, so that the torque is near zero for a "
         "shorter time; the interval still holds the truth",
-        lambda now, was: now.small.sum() < was.small.sum() and now.holds == "holds",
+        lambda now, was: (
+            now.small.sum() < was.small.sum()
+            and now.low <= now.backlash_rad <= now.high
+        ),
     ),
     Change(
         "gravity_given = 1.1",
@@ -331,10 +334,21 @@ gravity_percent = most_missed_percent = growth = np.nan  # your answers
 gravity_percent = 100 * (1 / 0.96 - 1)  # m g r / (m r^2) = g / r
 shorter = load | {"gravity_per_s2": load["gravity_per_s2"] / 0.96}
 again = backlash.estimate(log, **shorter)
+print(f"{gravity_percent:.1f} %")
 if by_torque.backlash_rad and again.backlash_rad:
-    change = 100 * (again.backlash_rad / by_torque.backlash_rad - 1)
-    print(f"the estimate changes by {change:+.1f} %:")
-print("with the inertia ratio the log tells gravity, too")
+    changes = [
+        100 * (again.backlash_rad / by_torque.backlash_rad - 1),
+        100
+        * (
+            again.joint["gravity_per_s2"][0] / by_torque.joint["gravity_per_s2"][0]
+            - 1
+        ),
+    ]
+    print(
+        "the estimate changes by {:+.1f} %, the fit's gravity by {:+.1f} %".format(
+            *changes
+        )
+    )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 workbook.check_answer(gravity_percent, 100 * 0.04 / 0.96, to=0.1)

@@ -47,12 +47,13 @@ realisations = [1, 2]  # of the noise
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    bench_seed=(bench_seed, range(0, 2**31)),
-    benches=(benches, range(1, 1001)),
-    backlash_mrad=(backlash_mrad, (0.1, 5)),
-    gain_factor=(gain_factor, (0.3, 2)),
-    levels=(levels, [range(2, 12)]),
-    realisations=(realisations, [range(1, 6)]),
+    globals(),
+    bench_seed=range(0, 2**31),
+    benches=range(1, 1001),
+    backlash_mrad=(0.1, 5),
+    gain_factor=(0.3, 2),
+    levels=[range(2, 12)],
+    realisations=[range(1, 6)],
 )
 
 # %% [markdown]
@@ -99,7 +100,7 @@ posterior = np.exp((np.min(chi2) - chi2) / 2)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 sds = [1 / np.linalg.norm(J[:, 0]), sd[0]]  # without and with the second unknown
-figure, ((axis,),) = figures.grid()
+figure, axis = figures.panel()
 axis.contourf(deltas, stiffnesses, posterior, cmap="Blues")
 axis.plot(*truth, "X", color=figures.VERMILION, markersize=8, label="truth")
 axis.set(xlabel=figures.BACKLASH_LABEL, ylabel="stiffness over the paper's")

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # 13 · Which search settings produced Table 2?
 #
-# *You will replay the runs that the authors stored, read Table 1's bounds from them, and compare a
-# published table with those that candidate settings give by the dozen. Before this: notebooks
+# *You will replay the runs that the authors stored, read Table 1's bounds from them, and compare the
+# published table with those of candidate settings. Before this: notebooks
 # [7](../07_search_table1.ipynb) and [8](../08_noise_table2.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -24,45 +24,32 @@ workbook.say_times("13_settings_of_table2")
 # The signature is fitted with N. Hansen's library `cma` (section "Stochastic optimization
 # algorithm"). Table 2's means and SDs are those of 30 [runs](../glossary.md#run) on one record,
 # whose analysis begins at a random one of the first 100 samples (section "Experimental
-# evaluation"). The paper does not give the settings of the search, and the authors' notebook says
-# that it was changed after the paper.
+# evaluation"). The paper omits the settings of the search; the authors' notebook was changed later.
 #
 # ## Method
 #
-# **Replay.** A search draws random numbers, so a run with the stored seed should be the stored run,
-# generation by generation. It needs the constants and the bounds of the library of 2021
-# (`replication.cmaes`) and the signs that its eigenvectors had: LAPACK 3.10 changed the plane
-# rotation they come from (`studies.eigen` keeps the older one).
+# **Replay.** A run with the stored seed draws the same random numbers, so it should be the stored
+# run, generation by generation, if constants, bounds (`replication.cmaes`) and signs of
+# eigenvectors are those of 2021 (`studies.eigen` has LAPACK's older plane rotation).
 #
-# **Settings** differ in the unit that the search sees (rps, or rpm about the mean), in the box of
-# $A$ (Table 1's, or the notebook's, 1.3 times as wide), in the population and in the start: the
-# whole record, or one of the first 100 samples, drawn for each row of Table 2, for each fit or once
-# for a table. The text does not say which. Under each Table 2 was made again with noises and seeds
-# of its own (`make studies NAME=realisations`, hours).
+# **Settings** differ in the unit that the search sees (rps, or rpm about the mean), the box of $A$
+# (Table 1's, or the notebook's, 1.3 times as wide), the population, and the start: the whole
+# record, or one of the first 100 samples, drawn for each row of Table 2, for each fit or once for a
+# table. Under each, Table 2 was made again with its own noises and seeds (`make studies
+# NAME=realisations`, hours).
 #
-# **Tests.** Is the printed table one more of these $N$? It joins them, and all $N + 1$ are scored
-# alike:
+# **Tests.** Is the printed table one more of these $N$? It joins them, and all $N + 1$ get scores
+# alike. *Squares* sums $((\ln x - m)/d)^2$ over the rows, with the row's median $m$ of $\ln x$ and
+# half the distance $d$ of its 16 % and 84 % quantiles; *ranks* sums $-2 \ln p$ of the rank of $x$ in
+# its row. Means are also scored by their *mean deviation* and *largest error* (mean $A$ over
+# theoretical $A$, less 1), SDs by their *mean logarithm*.
 #
-# | score | of a row | of a table |
-# | - | - | - |
-# | squares | $((\ln x - m)/d)^2$ | sum |
-# | ranks | $-2 \ln p$, with the two-sided $p$ of the rank | sum |
-# | mean deviation (of means) | mean $A$ over theoretical $A$, less 1 | mean, two-sided |
-# | largest error (of means) | its absolute value | maximum, two-sided |
-# | mean logarithm (of SDs) | $\ln x$ | mean, two-sided |
+# If the printed table is one of ours, its score has any rank with the same probability: $p$ is the
+# share of the $N + 1$ tables that score as far out, at least $1/(N + 1)$. Where rows share neither
+# settings nor start, 20 000 tables put together row by row make $p$ finer.
 #
-# Here $m$ is the row's median of the logarithms, and $d$ half the distance of their 16 % and 84 %
-# quantiles.
-#
-# If the printed table is one of ours, its score is as likely as any other to have any rank. So $p$
-# is the share of the $N + 1$ whole tables that score as far out. It is never below $1/(N + 1)$,
-# two-sided $2/(N + 1)$. Where rows share neither settings nor start, any of a row's $N + 1$ numbers
-# may stand in a table, so the printed score is ranked among 20 000 tables put together row by row:
-# a finer $p$.
-#
-# Which start, which settings and which score is the analyst's choice. So all are made and shown: a
-# multiverse analysis (Steegen and others 2016), drawn like the specification curve of Simonsohn and
-# others (2020).
+# Start, settings and score are the analyst's choice. So all are shown: a multiverse analysis
+# (Steegen and others 2016), drawn like the specification curve of Simonsohn and others (2020).
 
 # %% [markdown]
 # ## Parameters
@@ -76,9 +63,10 @@ criteria = {}
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
-    most=(most, range(20, 1001)),
-    shifts=(shifts, [(0.001, 0.3)]),
-    criteria=(criteria, {"random_start": (0, 1)}),
+    globals(),
+    most=range(20, 1001),
+    shifts=[(0.001, 0.3)],
+    criteria={"random_start": (0, 1)},
 )
 
 # %% [markdown]
@@ -86,15 +74,15 @@ workbook.check_parameters(
 #
 # ### The stored runs, replayed
 #
-# Their notebook prints about 17 generations of each of the runs 1 to 20, to 16 digits, and the end
-# of all 30. *Predict:* how many generations do a seed and the right program give again?
+# The authors' notebook prints about 17 generations of each of 20 runs, to 16 digits, and the end of
+# all 30. *Predict:* how many generations do a seed and the right program give again?
 
 # %%
 clean = load_clean(12)
 ours = replay.replay_stored_runs(clean)
 compared = replay.compare_generations(ours)
 ended = replay.compare_ends(ours)
-figure, ((axis,),) = figures.grid(height_in=2.6)
+figure, axis = figures.panel(2.6)
 for _, part in compared.dropna().groupby("run"):
     differences = np.maximum(part["difference_rps"], 1e-17)
     axis.semilogy(part["generation"], differences, **figures.RESIDUAL)
@@ -134,10 +122,9 @@ workbook.say(
 # ### Table 1, from the stored runs
 #
 # The members of the first generation are drawn about the middle of the box with a quarter of its
-# width as SD, and reflected at its ends: every one of them depends on every bound. So each bound is
-# tried where Table 1 has it, and moved by a share of the parameter's range, and we count how many
-# of the 30 stored first generations come out within 10⁻⁹ rps. *Predict:* how many, with one bound
-# moved by 1 %?
+# width as SD, and reflected at its ends: each depends on every bound. So each bound is tried where
+# Table 1 has it, and moved by a share of the parameter's range, and we count how many of the 30
+# stored first generations come out within 10⁻⁹ rps. *Predict:* how many, with one bound moved by 1 %?
 
 # %%
 misfits = misfit.cost(clean.t, clean.v, table2.NOTEBOOK.timing)
@@ -167,19 +154,16 @@ for end, side in enumerate(("min", "max")):
             tried[f"table1.{name}.{side}", shift] = bounds[end, at], count
 replayed = pd.DataFrame(tried, index=["bound", "runs"]).T
 replayed = replayed.rename_axis(["cell", "shift"])
-in_order = replayed.index.unique("cell")
-replayed["runs"].unstack().loc[in_order].astype(int)
+replayed["runs"].unstack(sort=False).astype(int)
 
 # %% [markdown]
-# A bound is known where one shift lets more runs come out than any other. The turn period is the
-# lag at which the settled record differs least from itself.
+# A bound is known where one shift lets most runs come out. The turn period is the lag at which the
+# settled record differs least from itself.
 
 # %%
 t, v = clean.t, clean.v
-start = {
-    "t0": t.min(),
-    "v_t": v.min(),
-}  # Table 1's bounds that are shares of a range
+# Table 1's bounds that are shares of a range.
+start = {"t0": t.min(), "v_t": v.min()}
 unit = {"A": np.ptp(v), "t0": np.ptp(t), "v_t": np.ptp(v)}
 cells = {}
 for cell, part in replayed.groupby("cell", sort=False):
@@ -190,19 +174,16 @@ for cell, part in replayed.groupby("cell", sort=False):
 
 # %%
 settled = v[200:]
-unlike = {
-    lag: np.mean((settled[lag:] - settled[:-lag]) ** 2) for lag in range(160, 241)
-}
-period = min(unlike, key=unlike.get) * clean.sample_s
+lags = range(160, 241)
+unlike = [np.mean((settled[lag:] - settled[:-lag]) ** 2) for lag in lags]
+period = lags[np.argmin(unlike)] * clean.sample_s
 for side in ("min", "max"):
     cells |= {f"table1.T_d.{side}": period / 2, f"table1.T_f.{side}": period}
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 agreement = workbook.judge(cells)["verdict"].value_counts()
 least = min(shifts)
-nearly = replayed["runs"][
-    np.isclose(replayed.index.get_level_values("shift"), least)
-]
+nearly = replayed["runs"].xs(least, level="shift")
 of_bounds = (
     f"Of Table 1's {len(cells)} bounds {agreement.get('agrees', 0)} are those of "
     f"the stored runs, {agreement.get('differs', 0)} differ, "
@@ -219,13 +200,13 @@ workbook.say(
 # %% [markdown]
 # ### Other searches
 #
-# Searches with the same compiled misfit on a noisy record, measured at another time (`make bench`).
+# Searches with our compiled misfit on a noisy record, timed by `make bench`.
 # *Predict:* which finds the best minimum soonest?
 
 # %%
 peers = workbook.read_kept("peers").set_index("search")
 peers = peers.sort_values("seconds_to_99_percent", ascending=False)
-figure, ((axis,),) = figures.grid(height_in=0.25 * len(peers) + 0.6)
+figure, axis = figures.panel(0.25 * len(peers) + 0.6)
 axis.semilogx(peers["seconds_to_99_percent"], peers.index, "o", **figures.OURS)
 axis.set(xlabel="CPU time [s]", ylabel="search")
 workbook.show_figure(
@@ -241,13 +222,13 @@ quickest, slowest = peers.iloc[-1], peers.iloc[0]
 ratio = slowest["seconds_to_99_percent"] / quickest["seconds_to_99_percent"]
 workbook.say(
     f"Soonest: {quickest.name}, {quickest['seconds_to_99_percent']:.2g} s. "
-    f"{slowest.name} takes {ratio:.2g} times as long."
+    f"{slowest.name} takes {ratio:,.0f} times as long."
 )
 
 # %% [markdown]
 # ### Table 2 as a whole, in all choices
 #
-# *Predict:* does the verdict on the ten means hang on the start, on the settings, or on the score?
+# *Predict:* what decides the verdict on the ten means: start, settings, or score?
 
 # %%
 kept = table2.read_realisations()
@@ -273,19 +254,25 @@ findings = "; ".join(
     f"{each.sds.rejected} of {each.sds.tests} the SDs"
     for start, each in starts.items()
 )
+shares = [
+    each.means.rejected / max(each.means.tests, 1) for each in starts.values()
+]
+decides = "not the start alone"
+if min(shares) < 0.1 and max(shares) > 0.9:
+    decides = "the start most of all"
 alarms = multiverse["false_alarms"]
 workbook.say(
-    "Of the tests that so many tables allow, these reject the printed table at 5 "
-    f"%: {findings}. Of our own tables, each in turn taken as the printed one, "
-    f"{100 * alarms.mean():.1f} % are rejected."
+    f"For the means {decides}: of the tests that so many tables allow, these "
+    f"reject the printed table at 5 %: {findings}. Of our own tables, each in turn "
+    f"taken as the printed one, {100 * alarms.mean():.1f} % are rejected."
 )
 
 # %% [markdown]
 # ### A prediction
 #
-# Searches outside this project, through some 340 settings, had suggested after the fact that R = 1
-# without its last turn is Table 2's noise. `studies/prediction.py` fixed what follows from that
-# before it was run, once: the kept outcome.
+# Searches through some 340 settings had suggested after the fact that R = 1 without its last turn
+# is Table 2's noise. `studies/prediction.py` fixed what follows from that, and was then run once.
+# *Predict:* how many of the numbers that it foretells come out?
 
 # %%
 outcome = workbook.read_kept("table2_prediction")
@@ -299,10 +286,13 @@ prediction_finding = (
 shown = ["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_runs"]
 outcome.set_index("row")[shown].round(4)
 
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+workbook.say(f"{prediction_finding}.")
+
 # %% [markdown]
 # ## Verdict
 #
-# No correction is made for the number of settings. The authors' own may be none of them.
+# Nothing is corrected for the number of settings. The authors' own may be none of them.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 claims = {"random_start": evidence.decide_random_start(multiverse, criteria)}
@@ -379,9 +369,9 @@ intervals = [evidence.prediction_interval(np.arange(k)) for k in range(60)]
 workbook.check_answer(fewest, np.isfinite(intervals).all(axis=1).argmax())
 
 # %% [markdown]
-# **2.** If a search that is not the authors' ended each run in one of the stored basins with the
-# stored shares, how probable would it be that all 30 end in their own basin (`power_of_ten`, its
-# logarithm, to 1)?
+# **2.** Suppose that another search ended each run in one of the stored basins, by the stored
+# shares. How probable is it that all 30 end in their own (`power_of_ten`, its logarithm to the base
+# 10, to 1)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 share = basins["runs"] / basins["runs"].sum()
@@ -406,5 +396,5 @@ workbook.check_answer(one_excluded, 1 - 0.99**choices, to=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a seed fixes a run only with its library; settings can be excluded by
-# the tables that they give, not proved; a verdict that hangs on one choice of the analyst names it.
+# the tables that they give, not proved.
 # *Next:* [claims](14_claims.ipynb).

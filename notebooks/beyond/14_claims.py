@@ -58,13 +58,11 @@ criteria = {}
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 encoder_bits = int(published.value("text.encoder_bits"))
 workbook.check_parameters(
-    noises=(noises, range(2, 2**31)),
-    bits=(bits, [range(8, 33)]),
-    frictions=(frictions, [(1e-4, 0.9)]),
-    criteria=(
-        criteria,
-        dict.fromkeys(published.table("claims").index, (0, np.inf)),
-    ),
+    globals(),
+    noises=range(2, 2**31),
+    bits=[range(8, 33)],
+    frictions=[(1e-4, 0.9)],
+    criteria=dict.fromkeys(published.table("claims").index, (0, np.inf)),
 )
 
 # %% [markdown]
@@ -133,24 +131,25 @@ measured |= {
 friction.round(3)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-most = friction.iloc[-1]
-change_percent = most["change_percent"]
+share, _, change_percent = friction.iloc[-1]
 why = ""
 if change_percent < -5:
     why = ", because one window of the signature no longer meets its ring"
 workbook.say(
-    f"$A$ {'falls' if change_percent < 0 else 'rises'}: with "
-    f"{100 * most['friction']:.2g} % of gravity by {abs(change_percent):.0f} "
-    f"%{why}."
+    f"$A$ {'falls' if change_percent < 0 else 'rises'}: with {100 * share:.2g} % "
+    f"of gravity by {abs(change_percent):.0f} %{why}."
 )
 
 # %% [markdown]
-# How sharp must the edge of equation 8 be? The joint, identified anew for each $\alpha$ (`make studies NAME=claims`);
-# the misfit (RMSE over the SD) is that of the records it is identified from.
+# *Predict:* can other ratios of the joint make up for a soft edge of equation 8? They were identified anew for each
+# $\alpha$ (`make studies NAME=claims`).
 
 # %%
-alphas = workbook.read_kept("alpha_refit")
-alphas[["alpha", "nrmse", "K_s/J_l", "J_l/(N^2 J_m)", "K_p/J_m"]]
+refit = 100 * workbook.read_kept("alpha_refit")["nrmse"]
+workbook.say(
+    f"No: the misfit grows from {refit.min():.1f} % of the records' SD at the "
+    f"sharpest edge to {refit.max():.0f} % at the softest."
+)
 
 # %% [markdown]
 # ### The search
@@ -173,10 +172,9 @@ success.drop(columns="kind").round(3)
 usual = success.loc[success["rate"] > 0.5, "method"]
 classical = success.loc[success["kind"] == "classical", ["found", "runs"]].sum()
 workbook.say(
-    f"More often than not: {'; '.join(usual) or 'none'}. As they come the "
-    f"classical methods find it in {classical['found']} of {classical['runs']} "
-    "runs: "
-    '"straightforwardly" decides.'
+    f"More often than not: {'; '.join(usual) or 'none'}. Used straightforwardly, "
+    f"the classical methods find it in {classical['found']} of {classical['runs']} "
+    "runs; prepared, they may."
 )
 
 # %% [markdown]

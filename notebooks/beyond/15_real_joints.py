@@ -59,8 +59,7 @@ known_gravity = 1.0  # factor on the gravity that the sensor is given
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 logs = hardware.list_logs()
 workbook.check_parameters(
-    makes=(makes, [tuple(logs["make"].unique())]),
-    known_gravity=(known_gravity, (0.01, 100)),
+    globals(), makes=[tuple(logs["make"].unique())], known_gravity=(0.01, 100)
 )
 
 # %% [markdown]

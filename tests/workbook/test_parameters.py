@@ -21,7 +21,7 @@ NAMES = {"tau": (0, np.inf), "omega": (0, np.inf)}
     ],
 )
 def test_what_is_allowed_passes(value, allowed):
-    check_parameters(name=(value, allowed))
+    check_parameters({"name": value}, name=allowed)
 
 
 @pytest.mark.parametrize(
@@ -40,5 +40,5 @@ def test_what_is_allowed_passes(value, allowed):
 )
 def test_what_is_not_allowed_is_refused_in_one_line_with_what_is(value, allowed, line):
     with pytest.raises(ParameterError) as refused:
-        check_parameters(name=(value, allowed))
+        check_parameters({"name": value}, name=allowed)
     assert str(refused.value) == line
