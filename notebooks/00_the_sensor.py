@@ -135,8 +135,9 @@ impacts = run.impacts[run.impacts >= T_f]
 places = np.degrees(np.interp(impacts[:2], run.t, run.theta_l)) % 360
 workbook.say(
     f"The teeth met at {' and '.join(f'{place:.0f}°' for place in places)} of the "
-    "load's turn, where 180° is the top and 360° the bottom: gravity has to change "
-    "its direction first, then the tooth crosses the gap."
+    "load's turn, where 180° is the top and 360° the bottom: "
+    f"{'gravity with friction' if friction_share else 'gravity'} has to change its "
+    "direction first, then the tooth crosses the gap."
     if backlash_mrad and len(places) == 2
     else "Without two impacts a turn there is no ring: gravity moves the tooth "
     "through no gap."
@@ -315,8 +316,8 @@ answer = f"Here they do: {counts}."
 if len(wrong):
     answer = (
         f"No: {counts} the true one. The others end in wrong minima, {near} of "
-        f"{len(wrong)} with an $A$ within 3 % of the best fit's: only their misfit "
-        "tells them."
+        f"{len(wrong)} with an $A$ within 3 % of the best fit's"
+        f"{': only their misfit tells them' if near else ''}."
     )
 workbook.show(figures.finish(figure, 3), answer)
 

@@ -119,8 +119,8 @@ signs = t[1:][np.diff(np.sign(carried)) != 0]
 after_ms = 1e3 * (impacts[0] - signs[signs <= impacts[0]].max())
 workbook.show(
     figures.finish(figure, 2),
-    f"After: the first impact shown comes {after_ms:.0f} ms later, because "
-    "gravity, which begins at zero, has to move the load through the gap. The "
+    f"After: the first impact shown comes {after_ms:.0f} ms later, because a "
+    "torque that begins at zero has to move the load through the gap. The "
     f"next one comes {np.diff(impacts)[0]:.3f} s after it (half a turn: "
     f"{joint.turn_period / 2:g} s), on the other flank.",
 )
@@ -161,7 +161,7 @@ workbook.show_figure(
     f"and the clamped dead zone, at delta = {backlash_mrad:g} mrad (dotted: its "
     f"edges); (c) within the gap, the sharp edges alone. At {softest:,.0f} per rad {100 * at_edge:.3g} % of K_s "
     "are left at the edge, where one of the arctangents is zero, and "
-    f"{100 * in_middle:.2g} % in the middle, where they cancel only if alpha "
+    f"{100 * in_middle:.3g} % in the middle, where they cancel only if alpha "
     "delta is large.",
 )
 
@@ -292,7 +292,7 @@ ring = pd.DataFrame(
     {"frequency [Hz]": modes.imag / (2 * np.pi), "decay [1/s]": -modes.real}
 )
 ring.index = list(impedances(joint))
-ring.round(1)
+ring.round(1) + 0.0  # no -0.0
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 gained = ring["decay [1/s]"].diff()

@@ -344,7 +344,7 @@ workbook.try_changing(
 twice_mrad = times_as_high = tenth_rps = np.nan  # your answers
 
 # %% [markdown]
-# **1.** Which backlash (`twice_mrad` [mrad], to 0.01) gives twice the settled peak of 0.3 mrad?
+# **1.** Which backlash (`twice_mrad` [mrad], to 0.005) gives twice the settled peak of 0.3 mrad?
 # Predict it from the exponents above, then find it by simulation.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
@@ -362,7 +362,7 @@ smaller = peak(identified, 3e-4)
 twice = brentq(
     lambda mrad: peak(identified, 1e-3 * mrad) - 2 * smaller, 0.4, 1.5, xtol=1e-4
 )
-workbook.check_answer(twice_mrad, twice, to=0.01)
+workbook.check_answer(twice_mrad, twice, to=0.005)
 
 # %% [markdown]
 # **2.** By the formula above the impact's speed grows as $\omega_l^{1/3}$. How many times as high is

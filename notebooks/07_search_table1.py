@@ -373,16 +373,16 @@ workbook.check_answer(mean_length, c.chi_n, to=0.03)
 
 # %% [markdown]
 # **2.** If the ranks were random, how long would the step of the mean be on average (`mean_step`, in
-# units of $\sigma$, to 0.02), with $\mathbf C = \mathbf I$ and the weights `c.weights` of the `c.mu`
-# best? Draw 2000 steps.
+# units of $\sigma$, to 0.005), with $\mathbf C = \mathbf I$ and the weights `c.weights` of the `c.mu`
+# best? Draw 10 000 steps.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-drawn = np.random.default_rng(2).standard_normal((2000, c.mu, 7))
+drawn = np.random.default_rng(2).standard_normal((10_000, c.mu, 7))
 mean_step = np.linalg.norm(c.weights[: c.mu] @ drawn, axis=1).mean()
 print(f"{mean_step:.4f}: a mean of mu_eff members is shorter by the root of mu_eff")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(mean_step, c.chi_n / np.sqrt(c.mu_eff), to=0.02)
+workbook.check_answer(mean_step, c.chi_n / np.sqrt(c.mu_eff), to=0.005)
 
 # %% [markdown]
 # **3.** From which population on (`smallest`, a whole number) do the samples of one generation make

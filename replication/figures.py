@@ -8,6 +8,7 @@ with `panel` or `grid` and ends with `finish`.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -219,7 +220,7 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     figure, axes = grid(3, 1, height_in=6.4)
     stiffness, torque, inside = axes[:, 0]
     curves = curves.reset_index(drop=True)
-    sharp = curves["alpha_per_rad"].between(0.99e5, 1e12)
+    sharp = curves["alpha_per_rad"] > 0.99e5
     for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
         line = {"linestyle": ("-", "--", "-.", ":")[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
         line |= {"color": (SKY, ORANGE, BLUE, VERMILION)[k % 4]}
@@ -243,7 +244,7 @@ def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
     inside.set(ylabel="torque $\\tau_l$ [N m]", title="within the gap")
     inside.set(xlabel="displacement $\\Delta\\theta$ [mrad]")
     inside.set(xlim=(-1.02 * MRAD * delta_rad, 1.02 * MRAD * delta_rad))
-    if np.isfinite(height):
+    if height > 0:  # the clamped one has none
         inside.set_ylim(-height, height)
     return finish(figure, 2, "outside upper center")
 
@@ -433,7 +434,9 @@ def detection(
     for (name, A), style in zip(lines.items(), (":", "--", "-"), strict=False):
         upper.axvline(A, 0, 0.68, color=INK, linestyle=style, label=name)
     upper.set(xlabel="fitted $A$ [rps]", ylabel="number of robots")
-    for (name, (false, true)), style in zip(detected.items(), ("-", "--", ":"), strict=False):
+    for (name, (false, true)), style in zip(
+        detected.items(), cycle(("-", "--", ":")), strict=False
+    ):
         lower.step(false, true, where="post", color=INK, linestyle=style, label=name)
     lower.set(xlabel="healthy called excessive [%]", ylabel="excessive detected [%]")
     upper.set_ylim(0, 1.6 * upper.get_ylim()[1])
@@ -478,7 +481,7 @@ def multiverse(choices: pd.DataFrame) -> Figure:
     bottom = max(y.values()) + 1
     for numbers in dict.fromkeys(name for name, _ in columns):
         middle = np.mean([left for (name, _), left in x.items() if name == numbers]) + 0.5
-        axis.text(middle, bottom + 0.7, numbers, ha="center", **small)
+        axis.text(float(middle), bottom + 0.7, numbers, ha="center", **small)
     axis.set(xlim=(-4.7, max(x.values()) + 1.2), ylim=(bottom + 1.3, -5))
     axis.set(xlabel="numbers and score", ylabel="start and settings")
     axis.axis("off")

@@ -67,18 +67,13 @@ workbook.check_parameters(
 
 # %%
 sigma = 0.02
-settled = joint.identified_joint()._replace(
-    start_angle=0.0, lead=0.8
-)  # two turns before t = 0
+# Two turns before t = 0.
+settled = joint.identified_joint()._replace(start_angle=0.0, lead=0.8)
 
 
 def turn_rps(delta_mrad, stiffness):
-    run = joint.simulate(
-        joint.change(settled, {"K_s/J_l": stiffness}),
-        1e-3 * delta_mrad,
-        duration=0.4,
-    )
-    return run.v[:-1]
+    made = joint.change(settled, {"K_s/J_l": stiffness})
+    return joint.simulate(made, 1e-3 * delta_mrad, duration=0.4).v[:-1]
 
 
 truth, steps = np.array([backlash_mrad, 1.0]), np.diag([1e-3, 1e-3])
@@ -154,9 +149,8 @@ def measure_harmonics(v):  # eleven turns, and the noise of their mean
 
 def model(z, by_encoder):
     delta, phase, friction, *logarithms = z
-    made = joint.change(
-        settled, dict(zip(bench.VARIED_RATIOS, np.exp(logarithms), strict=True))
-    )
+    factors = dict(zip(bench.VARIED_RATIOS, np.exp(logarithms), strict=True))
+    made = joint.change(settled, factors)
     # A drive with an encoder differences its position; this step hardly rounds it.
     step = 1e-9 if by_encoder else 0.0
     made = made._replace(load_coulomb=1e-2 * friction * made.G, encoder_step=step)
@@ -166,9 +160,8 @@ def model(z, by_encoder):
 
 
 def residual(z, c, noise, by_encoder):
-    z = np.append(
-        z, np.zeros(8 - len(z))
-    )  # what is not fitted is as in the paper's joint
+    # What is not fitted is as in the paper's joint.
+    z = np.append(z, np.zeros(8 - len(z)))
     off = (model(z, by_encoder) - c) / noise
     return np.concatenate([off.real, off.imag, z[3:] / PRIOR_SD])
 
@@ -179,9 +172,8 @@ def slopes(z, *log):
     return np.array(differences).T / (2 * STEPS[: len(z)])
 
 
-def guess(
-    delta, c, by_encoder
-):  # the phase at which the paper's joint correlates best
+# The phase at which the paper's joint correlates best.
+def guess(delta, c, by_encoder):
     z = np.array([delta, 0, 0.3, 0, 0, 0, 0, 0])
     spectrum = np.zeros(401, complex)
     spectrum[ORDERS] = c.conj() * model(z, by_encoder)
@@ -195,12 +187,11 @@ def fit_joint(v, by_encoder, unknowns=8):
         guess(delta, log[0], by_encoder) for delta in (0.3, 0.7, 1.1, 1.5, 1.9)
     ]
     starts.sort(key=lambda z: np.sum(residual(z, *log) ** 2))
-    options = {
-        "bounds": (LOWEST[:unknowns], np.inf),
-        "x_scale": 100 * STEPS[:unknowns],
-    }
+    limits, scale = (LOWEST[:unknowns], np.inf), 100 * STEPS[:unknowns]
     fits = [
-        least_squares(residual, z[:unknowns], slopes, args=log, **options)
+        least_squares(
+            residual, z[:unknowns], slopes, limits, x_scale=scale, args=log
+        )
         for z in starts[:2]
     ]
     return min(fits, key=lambda fit: fit.cost)
@@ -223,12 +214,9 @@ def backlash_of(fit):  # and its SD [mrad]
 # %%
 def fit_bench(seed):
     drawn = bench.draw_bench(np.random.default_rng(seed))
-    drawn = drawn._replace(
-        joint=joint.change(drawn.joint, {"K_p/J_m": gain_factor})
-    )
-    log = bench.encoder_log(
-        drawn, 1e-3 * backlash_mrad, np.random.default_rng((seed, 0))
-    )
+    changed = joint.change(drawn.joint, {"K_p/J_m": gain_factor})
+    drawn, noise = drawn._replace(joint=changed), np.random.default_rng((seed, 0))
+    log = bench.encoder_log(drawn, 1e-3 * backlash_mrad, noise)
     return fit_joint(log.v, by_encoder=True)
 
 
@@ -253,9 +241,8 @@ workbook.say(
 )
 
 # %% [markdown]
-# Whether the joint
-# is one of this kind, the residual says: without an error of the model $\sum r^2$ follows chi
-# squared with as many degrees of freedom as there are harmonics' parts, less three.
+# The residual says whether the joint is one of this kind: without an error of the model $\sum r^2$
+# follows chi squared, with as many degrees of freedom as there are harmonics' parts, less three.
 
 # %%
 chi2_fit, freedom = 2 * fit.cost, 2 * ORDERS.size - 3
@@ -280,30 +267,22 @@ workbook.say(
 equation_10, rows = characteristic.equation_10(), []
 for K, R in product(sorted({*levels}), sorted({*realisations})):
     record, true_mrad = records.load_noisy(K, R), 0.1 * (2 * K - 1)
-    by_A_mrad = 1e3 * equation_10.backlash_rad(
-        table2.best_fit(record).amplitude_rps
-    )
-    rows.append({"estimator": "equation 10", "mrad": abs(by_A_mrad - true_mrad)})
-    for estimator, unknowns in {"joint known": 2, "joint unknown": 8}.items():
-        estimate, sd_mrad = backlash_of(fit_joint(record.v, False, unknowns))
-        rows.append(
-            {
-                "estimator": estimator,
-                "mrad": abs(estimate - true_mrad),
-                "sd": sd_mrad,
-            }
-        )
+    A = table2.best_fit(record).amplitude_rps
+    estimates = {
+        "equation 10": (1e3 * equation_10.backlash_rad(A), np.nan),
+        "joint known": backlash_of(fit_joint(record.v, False, unknowns=2)),
+        "joint unknown": backlash_of(fit_joint(record.v, False)),
+    }
+    for estimator, (estimate, sd_mrad) in estimates.items():
+        rows.append((estimator, abs(estimate - true_mrad), sd_mrad))
 
 # %%
-size = pd.DataFrame(rows).groupby("estimator", sort=False)
-summary = (
-    size["mrad"]
-    .agg(mean="mean", largest="max")
-    .rename(columns={"mean": "mean error"})
-)
-summary["bound"] = (
-    np.sqrt(2 / np.pi) * size["sd"].mean()
-)  # mean size of a normal error
+size = pd.DataFrame(rows, columns=["estimator", "mrad", "sd"])
+size = size.groupby("estimator", sort=False)
+summary = size["mrad"].agg(["mean", "max"])
+summary.columns = ["mean error", "largest"]
+# The mean size of a normal error.
+summary["bound"] = np.sqrt(2 / np.pi) * size["sd"].mean()
 summary.round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -406,8 +385,8 @@ inverse = np.linalg.inv(J.T @ J)
 workbook.check_answer(rho, -inverse[0, 1] / np.prod(sd), to=0.02)
 
 # %% [markdown]
-# **3.** The bound above is that of the mean of eleven turns. How many turns does a log need for half
-# of it (`turns_needed`, a whole number)?
+# **3.** The bound above is that of the mean of eleven settled turns. How many settled turns does a log
+# need for half of it (`turns_needed`, a whole number)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 turns_needed = 44  # each turn tells as much as another: four times as many

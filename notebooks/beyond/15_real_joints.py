@@ -124,8 +124,9 @@ workbook.say(
 # %% [markdown]
 # ### The second encoder
 #
-# The larger end of an interval is the limit. Where the torque does not change its sign there is no
-# row, and a backlash would not be seen.
+# The larger end of an interval by the sign of the torque is the limit. Where the torque does not
+# change its sign there is no row, and a backlash would not be seen. *Predict:* how many axes have a
+# limit?
 
 # %%
 axes = chosen[chosen["load_encoder"]].groupby("joint").groups
@@ -134,7 +135,14 @@ lost = {
     for joint in axes
 }
 if lost:
-    display(pd.concat(lost, names=["joint", "by"]).map("{:.2e}".format))
+    table = pd.concat(lost, names=["joint", "by"])
+    display(table.map("{:.2e}".format))
+    limits = 1e3 * table["high_rad"].xs("sign of torque", level="by")
+    if len(limits):
+        workbook.say(
+            f"{len(limits)} of {len(lost)} axes have a limit, at most "
+            f"{limits.max():.3f} mrad."
+        )
 
 # %% [markdown]
 # ## Verdict
@@ -142,20 +150,15 @@ if lost:
 # No number of the paper is judged here.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-counts = chosen["verdict"].value_counts()
-refused = counts.get("cannot tell", 0)
-reasons = "; ".join(
-    f"{reason}: {count}"
-    for reason, count in chosen["reason"].value_counts().items()
-)
+refused = int((chosen["verdict"] == "cannot tell").sum())
+reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest.items())
 joints = chosen["joint"].nunique()
 workbook.verdict(
-    f"Of {len(chosen)} logs of {joints} joints the sensor refuses {refused} "
-    f"({reasons}), calls {counts.get('backlash', 0)} a backlash, and "
-    f"{counts.get('no backlash', 0)} none. A refusal is no evidence for the sensor "
-    "or against it: a positive test needs a joint of known play, loaded by "
-    "gravity, that turns round twelve times at constant speed, with speed and "
-    "torque logged at 500 Hz."
+    f"Of {len(chosen)} logs of {joints} joints the sensor answers "
+    f"{len(chosen) - refused} and refuses {refused} ({reasons}). A refusal is no "
+    "evidence for the sensor or against it: a positive test needs a joint of known "
+    "play, loaded by gravity, that turns round twelve times at constant speed, "
+    "with speed and torque logged at 500 Hz."
 )
 
 # %% [markdown]

@@ -141,9 +141,9 @@ def run_to_promises(monkeypatch, computed_once):
 
 @pytest.fixture
 def answer_exercises(monkeypatch, on_simulated_records):
-    """Run a lab copy with its solutions; returns what the check of each exercise says."""
+    """Run a lab copy with its solutions; returns what the check of each exercise says, of other answers too."""
 
-    def run(name, **parameters):
+    def run(name, others, **parameters):
         running, exercises = Running(monkeypatch, name, parameters), []
         source = "\n".join(cell.source for cell in running.cells)
         line = re.search(r"^((?:\w+ = )+)\S+  # your answers", source, re.MULTILINE)[1]
@@ -164,7 +164,10 @@ def answer_exercises(monkeypatch, on_simulated_records):
                 answer = names[len(exercises)]
                 stripped = solution.copy()
                 lab.ask_for_answer(stripped)
-                exercises.append(answer_exercise(running, answer, stripped, solution, cell, asked))
+                tried = others[answer]
+                exercises.append(
+                    answer_exercise(running, answer, stripped, solution, cell, asked, tried)
+                )
             else:
                 running.execute(cell)
         return exercises
@@ -172,8 +175,8 @@ def answer_exercises(monkeypatch, on_simulated_records):
     return run
 
 
-def answer_exercise(running, name, stripped, solution, check, asked):
-    """What a check says of no answer, of the solution, of near misses, and of honest roundings."""
+def answer_exercise(running, name, stripped, solution, check, asked, others):
+    """What a check says of no answer, of the solution, near misses, honest roundings, and of others, as code."""
     assert running.execute(stripped) == ""
     blank = running.execute(check)
     running.execute(solution)
@@ -196,6 +199,8 @@ def answer_exercise(running, name, stripped, solution, check, asked):
         misses += [right + 0.36, right + 1]
     running.names[name] = "one"
     of_word = running.execute(check)
+    known = running.names | {name: right[()], "right": right[()]}
+    values = [np.asarray(eval(other, known), dtype=float) for other in others]
     return SimpleNamespace(
         name=name,
         to=to,
@@ -204,4 +209,5 @@ def answer_exercise(running, name, stripped, solution, check, asked):
         of_roundings=of(roundings),
         of_misses=of(misses),
         of_word=of_word,
+        of_others=dict(zip(others, of(values), strict=True)),
     )
