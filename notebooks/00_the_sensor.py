@@ -200,13 +200,13 @@ log = Recording(t, v, v_t, T_f, "our log")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 DOTS = {"color": figures.ORANGE, "marker": ".", "linestyle": "", "markersize": 3}
-figure, axis = figures.panel(2.4)
-axis.plot(t, v - v_t, label="log, second and third turn", **DOTS)
-axis.plot(t, clean - v_t, label="without noise", **figures.FIT)
-axis.set(xlim=(T_f, 3 * T_f), xlabel="time [s]", ylabel="$r$ [rps]")
+lines = {
+    "log, second and third turn": (t, v - v_t, DOTS),
+    "without noise": (t, clean - v_t, figures.FIT),
+}
 largest = (v - v_t)[t >= T_f].max()
 workbook.show(
-    figures.finish(figure, 2),
+    figures.curves(lines, "time [s]", "$r$ [rps]", xlim=(T_f, 3 * T_f)),
     f"The largest settled sample is {largest:.2f} rps, the true $A$ (the peak "
     f"without noise, before sampling) {A_true:.2f} rps. Noise of up to "
     f"{noise_rps:g} rps and the time between samples move a single sample, so we "
@@ -322,11 +322,11 @@ if len(wrong):
 workbook.show(figures.finish(figure, 3), answer)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = figures.panel(2.8)
-axis.plot(t, v - best.X.v_t, label="log, sixth turn", **DOTS)
-axis.plot(t, clean - best.X.v_t, linewidth=3, color="0.8", label="without noise")
-axis.plot(t, h(t, best.X), label="best signature $h$", **figures.FIT)
-axis.set(xlim=(5 * T_f, 6 * T_f), xlabel="time [s]", ylabel="$v - v_t$ [rps]")
+lines = {
+    "log, sixth turn": (t, v - best.X.v_t, DOTS),
+    "without noise": (t, clean - best.X.v_t, figures.WIDE),
+    "best signature $h$": (t, h(t, best.X), figures.FIT),
+}
 noise_sd, apart_s = noise_rps / np.sqrt(3), np.diff(impacts)[:1]
 if best.rmse < 1.02 * noise_sd:
     rest = "So the signature follows the log as well as the noise allows."
@@ -337,7 +337,9 @@ elif apart_s.size and abs(apart_s[0] - T_f / 2) > 0.01:
 else:
     rest = "Between the impacts gravity bends the speed, and no damped sine does."
 workbook.show(
-    figures.finish(figure, 3),
+    figures.curves(
+        lines, "time [s]", "$r$ [rps]", columns=3, xlim=(5 * T_f, 6 * T_f)
+    ),
     f"The best signature leaves {best.rmse:.3f} rps; the noise alone has the SD "
     f"(standard deviation) {noise_sd:.3f} rps. {rest}",
 )
@@ -363,13 +365,13 @@ A = best.amplitude_rps
 estimate_mrad = equation_10(A)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = figures.panel(2.6)
-axis.plot(peaks, equation_10(peaks), label="equation 10", **figures.FIT)
-axis.plot([A, A, 0], [0, estimate_mrad, estimate_mrad], label="estimate")
-axis.plot(A_true, backlash_mrad, "o", label="truth")
-axis.set(xlabel="amplitude $A$ [rps]", ylabel=figures.BACKLASH_LABEL)
+lines = {
+    "equation 10": (peaks, equation_10(peaks), figures.FIT),
+    "estimate": ([A, A, 0], [0, estimate_mrad, estimate_mrad]),
+    "truth": (A_true, backlash_mrad, figures.MARKS),
+}
 workbook.show(
-    figures.finish(figure, 3),
+    figures.curves(lines, "amplitude $A$ [rps]", figures.BACKLASH_LABEL, columns=3),
     f"$A$ is {off_percent(A):+.1f} % off, so the backlash is "
     f"{estimate_mrad - backlash_mrad:+.3f} mrad off; equation 10 itself gives "
     f"{equation_10(A_true):.3f} mrad at the true $A$.",

@@ -228,12 +228,12 @@ r_scipy = solve_joint(joint, 0.8) / (2 * np.pi) - 100
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t_k, of_simulate = t[::5][: r_scipy.size], r[::5][: r_scipy.size]
 apart_rps = np.abs(r_scipy - of_simulate)[t_k >= 0.4].max()
-figure, axis = figures.panel(2.4)
-axis.plot(t_k, of_simulate, linewidth=4, color="0.8", label="simulate")
-axis.plot(t_k, r_scipy, label="SciPy", **figures.FIT)
-axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="$r$ [rps]")
+both = {
+    "simulate": (t_k, of_simulate, figures.WIDE),
+    "SciPy": (t_k, r_scipy, figures.FIT),
+}
 workbook.show(
-    figures.finish(figure, 2),
+    figures.curves(both, "time [s]", "$r$ [rps]", xlim=(0.4, 0.8)),
     f"{'Yes' if apart_rps < 1e-3 else 'No'}: the two solutions of the same "
     f"equations are at most {max(apart_rps, 1e-5):.5f} rps apart in the second "
     "turn.",
@@ -323,11 +323,11 @@ with workbook.explain("changes", changes):
     free = (t > impacts[0] + 0.02) & (t < (parted[0] if parted.size else t[-1]))
     start = [-modes[-1].real, modes[-1].imag, 0.1, 0.1, 0, 0, 0]
     fitted, _ = curve_fit(oscillation, t[free] - impacts[0], r[free], start)
-figure, axis = figures.panel(2.4)
-axis.plot(t, r, linewidth=4, color="0.8", label="simulate")
 drawn = oscillation(t[free] - impacts[0], *fitted)
-axis.plot(t[free], drawn, label="fitted oscillation", **figures.FIT)
-axis.set(xlim=(0.4, 0.8), xlabel="time [s]", ylabel="$r$ [rps]")
+both = {
+    "simulate": (t, r, figures.WIDE),
+    "fitted oscillation": (t[free], drawn, figures.FIT),
+}
 springs, whole = ring.iloc[0], ring.iloc[-1]
 rings = f"{fitted[1] / (2 * np.pi):.1f} Hz, with a decay of {fitted[0]:.0f} 1/s"
 by_terms = (
@@ -335,7 +335,7 @@ by_terms = (
 )
 alike = np.isclose(fitted[1], modes[-1].imag, rtol=0.1)
 workbook.show(
-    figures.finish(figure, 2),
+    figures.curves(both, "time [s]", "$r$ [rps]", xlim=(0.4, 0.8)),
     f"{'Nearly' if alike else 'No'}: it rings at {rings}; {by_terms}.",
 )
 

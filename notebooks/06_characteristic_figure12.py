@@ -43,15 +43,15 @@ theoretical = published.column("Table 2", "theoretical")[: delta.size]
 printed = 1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)])
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = figures.panel(2.8)
-axis.plot(theoretical, 1e3 * delta, label="Table 2, its levels", **figures.PRINTED)
 in_rps, in_rpm = (polynomial(k * theoretical, printed) for k in (1, 60))
-axis.plot(theoretical, 1e3 * in_rps, label="equation 10, $A$ in rps")
-axis.plot(theoretical, 1e3 * in_rpm, label="equation 10, $A$ in rpm")
-axis.set(xlabel="theoretical $A$ [rps]", ylabel=figures.BACKLASH_LABEL)
+lines = {
+    "Table 2, its levels": (theoretical, 1e3 * delta, figures.PRINTED),
+    "equation 10, $A$ in rps": (theoretical, 1e3 * in_rps),
+    "equation 10, $A$ in rpm": (theoretical, 1e3 * in_rpm),
+}
 misses = 1e3 * np.abs(in_rpm - delta).max()
 workbook.show(
-    figures.finish(figure, 2),
+    figures.curves(lines, "theoretical $A$ [rps]", figures.BACKLASH_LABEL),
     f"In rps it gives {1e3 * in_rps.min():.3f} to {1e3 * in_rps.max():.3f} mrad at all ten "
     f"points; in rpm it misses none by more than {misses:.3f} mrad. The equation "
     "takes rpm ([erratum E1](../results/report.md#errata)), so the coefficient of "
@@ -144,13 +144,22 @@ simulated = [
 peaks = np.array([joint.settled_peak(each, changed) for each in simulated])
 ours, ours_rmse = fit_polynomial(60 * peaks, delta, degree)
 both = {"printed points": pd.Series(fitted), "our peaks": pd.Series(ours)}
-(1e6 * pd.DataFrame(both)).rename_axis("power of A").map("{:.4g}".format)
+both = (1e6 * pd.DataFrame(both)).rename_axis("power of A")
+both.map("{:.4g}".format).replace("nan", "none")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 A_rps = np.linspace(theoretical.min(), theoretical.max(), 400)
 by_ours, by_print = polynomial(60 * A_rps, ours), polynomial(60 * A_rps, printed)
 apart = np.abs(by_ours - by_print).max()
 off_percent = 100 * np.abs(peaks / theoretical - 1).max()
+why = ", as the degree is another"
+if degree == 3:
+    why = ", as the joint is another"
+if degree == 3 and not changes:
+    why = (
+        ": the powers of A grow alike over this range, so one coefficient makes up "
+        "for another"
+    )
 workbook.show_figure(
     "figure12_characteristic",
     figures.characteristic(
@@ -172,13 +181,7 @@ workbook.show_figure(
     "less the printed points, and our polynomial less equation 10. The peaks are "
     f"up to {off_percent:.1f} % off the printed A, the curves at most "
     f"{1e3 * apart:.2g} mrad apart, and the coefficient of A is "
-    f"{ours[1] / printed[1]:.2f} times the printed one"
-    + (
-        ": the powers of A grow alike over this range, so one coefficient makes "
-        "up for another."
-        if degree == 3
-        else ", as the degree is another."
-    ),
+    f"{ours[1] / printed[1]:.2f} times the printed one{why}.",
 )
 
 # %% [markdown]

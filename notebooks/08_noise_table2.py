@@ -149,13 +149,13 @@ curve = np.array([project(record.v, u)[2] for u in shapes])
 # Two that are a sample apart count once: there the gate takes another sample.
 minima = starts[find_peaks(-curve, distance=5)[0]]
 half_period = np.pi / best.X.omega
-figure, axis = figures.panel(2.6)
-axis.plot(starts, curve, label="misfit", **figures.FIT)
-axis.plot(shown["t0_s"] % 0.4, shown["rmse_rps"], "x", label="ends of the runs")
-axis.set(xlabel="$t_0$ [s], in one turn", ylabel="RMSE [rps]")
+lines = {
+    "misfit": (starts, curve, figures.FIT),
+    "ends of the runs": (shown["t0_s"] % 0.4, shown["rmse_rps"], figures.MARKS),
+}
 workbook.show_figure(
     "table2_misfit_over_start",
-    figures.finish(figure, 2),
+    figures.curves(lines, "$t_0$ [s], in one turn", "RMSE [rps]"),
     f"{minima.size} minima, {1e3 * np.diff(minima).mean():.0f} ms apart on "
     f"average; half a period of the oscillation takes {1e3 * half_period:.0f} ms. "
     "Each is the same oscillation, with either sign, some half periods early or "

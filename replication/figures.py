@@ -36,6 +36,8 @@ FIT: Style = {"color": INK, "linewidth": 0.8}
 OURS: Style = {"color": BLUE}
 PRINTED: Style = {"color": INK, "marker": "x", "linestyle": "none", "markersize": 6, "mew": 1.5}
 DIFFERS = PRINTED | {"color": VERMILION, "marker": "X", "markersize": 9, "mew": 0.5}
+WIDE: Style = {"color": "0.8", "linewidth": 4.0}  # below a thin line
+MARKS: Style = {"color": VERMILION, "marker": "x", "linestyle": "none"}
 THIN: Style = {"color": INK, "linewidth": 0.8}
 DOTTED: Style = {"color": "0.5", "linewidth": 0.8, "linestyle": ":"}
 
@@ -96,6 +98,22 @@ def panel(height_in: float = 3.2) -> tuple[Figure, Axes]:
     """Make a figure in the workbook's style, and its only axes."""
     figure, axes = grid(height_in=height_in)
     return figure, axes[0, 0]
+
+
+def curves(
+    lines: Mapping[str, Sequence[Any]],
+    xlabel: str,
+    ylabel: str,
+    height_in: float = 2.6,
+    columns: int = 2,
+    **limits: tuple[float, float],
+) -> Figure:
+    """Draw lines in one panel: by what they are called, x, y and, where it is not the usual one, a style."""
+    figure, axis = panel(height_in)
+    for label, (x, y, *style) in lines.items():
+        axis.plot(x, y, label=label, **dict(*style))
+    axis.set(xlabel=xlabel, ylabel=ylabel, **limits)
+    return finish(figure, columns)
 
 
 def letter_panels(axes: Iterable[Axes]) -> None:

@@ -71,7 +71,7 @@ ANSWERS = {
     "03": {
         "peak_ratio": (
             ["round(right, 2)", "right + 0.015", "with_gains / alone"],
-            ["1 / right", "1", "with_gains", "100 * right"],
+            ["1 / right", "1", "1 + right", "100 * right"],
         ),
         "moved_ms": (["200", "-200", "201"], ["0.2", "400", "100", "0"]),
         "times_as_high": (["2", "2.01", "80 / 40"], ["1", "0.5", "4", "2.05"]),
