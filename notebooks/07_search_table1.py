@@ -96,19 +96,16 @@ deepest = best.X.t0 % 0.4, best.X.omega
 last = watched[-1]
 end_t0, end_omega = last.members[last.misfits.argmin()]
 away = (end_t0 - deepest[0] + 0.2) % 0.4 - 0.2
-where = "into the right one"
-if last.misfits.min() > 1.05 * best.rmse:
-    times = end_omega / best.X.omega
+where, times = "into the right one", end_omega / best.X.omega
+half_period = np.pi / best.X.omega
+if abs(away) > half_period / 2 or not 0.8 < times < 1.25:
     where = (
         f"into a wrong one, {1e3 * away:+.0f} ms from the best start, at {times:.2f} "
-        "times its frequency: there are many valleys, and twelve members, drawn over "
-        "the whole box, easily miss the deepest"
+        "times its frequency. A model that is some half periods "
+        f"({1e3 * half_period:.0f} ms each) late swings with the log again: so there "
+        f"are many valleys, and {len(last.members)} members, drawn over the whole "
+        "box, easily miss the deepest"
     )
-    if 0.8 < times < 1.25:
-        where += (
-            ". A model that is some half periods "
-            f"({1e3 * np.pi / best.X.omega:.0f} ms each) late swings with the log again"
-        )
 workbook.show_figure(
     "search_two_parameters",
     figures.search_map(t0, omega, height, drawn, deepest),
