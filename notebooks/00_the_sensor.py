@@ -191,6 +191,7 @@ workbook.say(
 # $$r(t) = v(t) - v_t \tag{11}$$
 #
 # Ours has twelve turns, with noise, as the authors' logs have. From here on only the log is used.
+# *Predict:* can $A$, the height of the ring, be read as the log's largest sample?
 
 # %%
 sampled = simulate(joint, delta, sample=1e-3 * sample_ms, step=5e-5)
@@ -207,10 +208,9 @@ lines = {
 largest = (v - v_t)[t >= T_f].max()
 workbook.show(
     figures.curves(lines, "time [s]", "$r$ [rps]", xlim=(T_f, 3 * T_f)),
-    f"The largest settled sample is {largest:.2f} rps, the true $A$ (the peak "
-    f"without noise, before sampling) {A_true:.2f} rps. Noise of up to "
-    f"{noise_rps:g} rps and the time between samples move a single sample, so we "
-    "fit a model to all.",
+    f"Not exactly: it is {largest:.3f} rps, the true $A$ (the settled peak without "
+    f"noise, before sampling) {A_true:.3f} rps. Noise of up to {noise_rps:g} rps and "
+    "the time between samples move a single sample, so we fit a model to all.",
 )
 
 # %% [markdown]
@@ -347,7 +347,8 @@ workbook.show(
 # %% [markdown]
 # ### 3. From the amplitude to the backlash
 #
-# A cubic turns $A$, in rpm (revolutions per minute), into the backlash [rad]:
+# A cubic turns $A$, in rpm (revolutions per minute), into the backlash [rad]. *Predict:* which error
+# of the backlash does that of $A$ make?
 #
 # $$\delta = 10^{-6} \left(-0.0018\, A^3 + 0.4323\, A^2 + 9.2524\, A + 34.0313\right) \tag{10}$$
 

@@ -312,11 +312,11 @@ text = (
     f"rps with $|A|$ = {usual['|A| [rps]']:.3f} rps."
 )
 if changed:
-    change_A = 100 * (yours["|A| [rps]"] / usual["|A| [rps]"] - 1)
+    change_A = round(100 * (yours["|A| [rps]"] / usual["|A| [rps]"] - 1), 1)
     text += (
         f" Yours leave {yours['RMSE [rps]']:.4f} rps, "
         f"{yours['RMSE [rps]'] / usual['RMSE [rps]']:.2f} times as much, with an "
-        f"$|A|$ that is {change_A:+.1f} % off."
+        f"$|A|$ that is {change_A + 0.0:+} % off."
     )
 if min(usual["alike"], yours["alike"]) < 2:
     text += (

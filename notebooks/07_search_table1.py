@@ -167,9 +167,9 @@ table.assign(misfit=misfits(members)).sort_values("misfit").head().round(3)
 # &+ c_\text{cov} \left(1 - \frac{1}{\mu_\text{cov}}\right) \sum_{i=1}^{\mu} w_i\,
 # \text{OP}\left(\frac{\mathbf x_{i:\lambda}^{(g+1)} - \mathbf m^{(g)}}{\sigma^{(g)}}\right) \end{aligned} \tag{17}$$
 #
-# with $\text{OP}(\mathbf y) = \mathbf y \mathbf y^T$. A path longer than that of a random walk makes
-# the step size grow, a shorter one makes it shrink. The samples and the path $\mathbf p_c$ stretch
-# $\mathbf C$ along the direction in which the mean moves.
+# with $\text{OP}(\mathbf y) = \mathbf y \mathbf y^T$ and the gamma function $\Gamma$. A path longer than
+# that of a random walk makes the step size grow, a shorter one makes it shrink. The samples and the
+# path $\mathbf p_c$ stretch $\mathbf C$ along the direction in which the mean moves.
 #
 # The constants follow from $\lambda$ and $n = 7$, the number of parameters (`cmaes.constants`):
 # $\mu_\text{eff} = 1 / \sum w_i^2$ is how many equal weights would serve as well; $c_\sigma$, $c_c$

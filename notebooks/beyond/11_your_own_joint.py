@@ -211,7 +211,7 @@ if by_torque.backlash_rad:
         f"{of_gravity:.3f} times."
     )
 else:
-    workbook.say(f"No interval: {by_torque.summary}.")
+    workbook.say(f"No interval. The sensor says: {by_torque.summary}")
 
 # %% [markdown]
 # Compare the printed lines with the joint's data sheet: a stiffness or an inertia that is not the
