@@ -104,16 +104,16 @@ axis.axvline(printed_mean, label="printed mean", **line)
 axis.locator_params(axis="x", nbins=5)
 axis.set(xlabel="$|A|$ [rps]", ylabel="RMSE [rps]")
 inside = shown["A_rps"].abs()[shown["at_minimum"]]
-ends = f"{len(inside)} of {len(shown)} end at the global minimum"
-if 0 < len(inside) < len(shown):
-    ends += (
-        f", with |A| from {inside.min():.3f} to {inside.max():.3f} rps; the others"
-    )
-    ends += " make a part of the SD"
+answer, others = "Yes", ""
+if len(inside) < len(shown):
+    answer, others = "No", "; the others make a part of the SD"
+if len(inside) > 1:
+    others = f", within {np.ptp(inside):.3f} rps of each other{others}"
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),
-    f"Of the runs on row {shown_row}, R = {min(public)}, {ends}. The SD of all is "
+    f"{answer}: of the runs on row {shown_row}, R = {min(public)}, {len(inside)} of "
+    f"{len(shown)} end at the global minimum{others}. The SD of all $A$ is "
     f"{shown['A_rps'].abs().std():.4f} rps, printed {printed_sd:g}.",
 )
 
@@ -225,7 +225,7 @@ own_error = pd.DataFrame(
     {"without noise [%]": 100 * (own_A / theoretical - 1)}
 ).dropna()
 own_error["printed mean [%]"] = 100 * (means / theoretical - 1)
-own_error.round(1)
+own_error.round(1) + 0.0  # no -0.0
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 errors = own_error["without noise [%]"]

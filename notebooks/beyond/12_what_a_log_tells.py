@@ -289,7 +289,7 @@ summary.round(4)
 logs = len({*levels}) * len({*realisations})
 mean, bound = summary["mean error"], summary["bound"]
 workbook.say(
-    f"{mean.idxmin()}, {1e3 * mean.min():.2g} µrad; {mean.idxmax()} errs most, "
+    f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.2g} µrad; {mean.idxmax()} errs most, "
     f"{1e3 * mean.max():.2g} µrad. An amplitude is one number of the waveform. "
     "Knowing the joint lowers the bound "
     f"{bound['joint unknown'] / bound['joint known']:.1f} times; the fit of the "
@@ -312,8 +312,8 @@ if chance > 1e-3:
     of_log = (
         f"The log of {backlash_mrad:g} mrad is fitted by {estimate:.3f} mrad, with "
         f"a 95 % interval of {estimate - 1.96 * sd_mrad:.3f} to "
-        f"{estimate + 1.96 * sd_mrad:.3f} mrad; of joints drawn like this one "
-        f"{np.sum(np.less(off, 1.96))} of {benches} have the truth in theirs"
+        f"{estimate + 1.96 * sd_mrad:.3f} mrad; intervals that hold the truth, of "
+        f"joints drawn like this one: {np.sum(np.less(off, 1.96))} of {benches}"
     )
 times = (mean / bound).map("{:.1f}".format)
 mean_mrad = mean.map("{:.4f}".format)

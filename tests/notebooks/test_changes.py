@@ -118,6 +118,27 @@ def test_a_search_that_fails_is_said_to_fail_before_its_amplitude_is(
     assert says in text
 
 
+@pytest.mark.parametrize(("members", "valley"), [(12, "wrong"), (300, "right")])
+def test_the_watched_search_is_in_a_wrong_valley_only_if_it_ends_in_one(
+    run_to_promises, on_simulated_records, members, valley
+):
+    run = run_to_promises(
+        "07", {"seeds": [3], "iterations": 3}, f"population=12 → population={members}"
+    )
+    assert f"The search goes into {'a' if valley == 'wrong' else 'the'} {valley} one" in run.said[0]
+
+
+def test_with_friction_it_is_not_gravity_alone_that_turns_before_the_teeth_meet(run_to_promises):
+    run = run_to_promises("00", {"friction_share": 0.5, "runs": 1})
+    assert "360° the bottom: gravity with friction has to change its direction" in run.said[0]
+
+
+def test_a_changed_joint_is_the_reason_of_other_coefficients(run_to_promises):
+    run = run_to_promises("06", {"changes": {"G/J_l": 2.0}})
+    (caption,) = [said for said in run.said if said.startswith("(a) Equation 10 as printed")]
+    assert caption.endswith("times the printed one, as the joint is another.")
+
+
 def test_a_wider_box_is_not_judged_by_the_lowest_misfit_of_the_authors_box(run_notebook):
     names, text, _ = run_notebook("07", box={"T2": (0.0, 0.4)}, seeds=[1, 2, 3])
     lower = names["runs"]["over the lowest"].min() < 0.99

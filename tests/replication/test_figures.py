@@ -1,8 +1,12 @@
 import re
 
+import numpy as np
+import pandas as pd
 import pytest
+from matplotlib import pyplot as plt
 
 import workbook
+from replication import figures
 
 # Axes without a unit: ratios of like quantities, and counts.
 DIMENSIONLESS = {
@@ -25,3 +29,30 @@ def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
     labels = {label.strip() for label in re.split("; | versus ", described[1])}
     assert labels
     assert all("[" in name for name in labels - DIMENSIONLESS), labels
+
+
+def test_curves_have_their_names_styles_and_limits():
+    figure = figures.curves(
+        {"line": ([0, 1], [2, 3]), "mark": (0.5, 2.5, figures.MARKS)},
+        "time [s]",
+        "$r$ [rps]",
+        xlim=(0, 2),
+    )
+    (axis,) = figure.axes
+    line, mark = axis.lines
+    assert [line.get_label(), mark.get_label()] == ["line", "mark"]
+    assert (line.get_linestyle(), mark.get_linestyle()) == ("-", "None")
+    assert axis.get_xlim() == (0, 2)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["line", "mark"]
+    plt.close(figure)
+
+
+def test_the_panel_within_the_gap_is_not_empty_where_all_edges_are_soft():
+    soft = {"alpha_per_rad": 1e3, "torque_nm": 1.0, "stiffness_nm_per_rad": 1.0}
+    clamped = soft | {"alpha_per_rad": np.inf, "torque_nm": 0.0}
+    displacements = {"delta_theta_rad": [-4e-4, 0.0, 4e-4]}
+    curves = pd.concat(pd.DataFrame(displacements | each) for each in (soft, clamped))
+    figure = figures.dead_zone(curves, delta_rad=5e-4)
+    drawn = [line for line in figure.axes[2].lines if len(line.get_xdata()) == 3]
+    assert [line.get_ydata().max() for line in drawn] == [0.0]
+    plt.close(figure)
