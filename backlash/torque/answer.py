@@ -6,7 +6,7 @@ import numpy as np
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import Prediction, jacobian, predict
+from backlash.torque.load import jacobian
 from backlash.torque.problem import SETTINGS as COMPARED
 from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
 from backlash.torque.search import Candidate, hold_delta, search
@@ -111,15 +111,14 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)
     rivals = [each for each in others if each.chi2 < best.chi2 + LIMITS.rival * scale]
-    delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
     interval, is_none = _pool_intervals(problem, best, covariance, rivals, scale)
     excluded_rad = LIMITS.negligible_rad if is_none else 0.0
     clear = best.chi2 + LIMITS.clear * scale
     if hold_delta(problem, best, 1e3 * excluded_rad, clear).chi2 < clear:
-        also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * delta:.2g} mrad"
+        also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     return TorqueFit(
-        delta_rad=delta,
+        delta_rad=best.delta_rad,
         interval_rad=interval,
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
@@ -133,9 +132,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 
 def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     """The unknowns' covariance, by the priors as they are above zero."""
-    by, _ = jacobian(_predict_again(problem, best), problem.compared)
+    slopes, _ = jacobian(best.orbit, problem.compared)
     _, prior = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
-    return np.asarray(np.linalg.inv(by.T @ by + prior.T @ prior))
+    return np.asarray(np.linalg.inv(slopes.T @ slopes + prior.T @ prior))
 
 
 def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
@@ -171,14 +170,13 @@ def _pool_intervals(
         for each in rivals
     ]
     low, high = min(ends[0] for ends in [own, *others]), max(ends[1] for ends in [own, *others])
-    delta = 1e-3 * max(float(best.theta[DELTA]), 0.0)
-    widest = LIMITS.negligible_rad if is_none else 2 * NORMAL_95 * LIMITS.most_sd * delta
+    widest = LIMITS.negligible_rad if is_none else 2 * NORMAL_95 * LIMITS.most_sd * best.delta_rad
     if own[1] - own[0] > widest:
         unknown = f"the backlash is not known within {LIMITS.most_sd:.0%}"
         raise Refusal(f"{unknown}; {_ADVICE}", Reason.TOO_NOISY)
     if high - low > widest:
         ends = f"{1e3 * low:.2g} to {1e3 * high:.2g}"
-        also = f"backlashes of {ends} mrad fit nearly as well as {1e3 * delta:.2g} mrad"
+        also = f"backlashes of {ends} mrad fit nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     return (low, high), is_none
 
@@ -284,13 +282,6 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
 # --------------------------------------------------------------------------------------------------- what is told
 
 
-def _predict_again(problem: Problem, candidate: Candidate) -> Prediction:
-    predicted = predict(candidate.theta, problem.compared, candidate.start)
-    if predicted is None:
-        raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
-    return predicted
-
-
 def _quantities(
     best: Candidate,
     covariance: FloatArray,
@@ -331,6 +322,5 @@ def _model_torque(
     recording: Recording, torque: FloatArray, problem: Problem, best: Candidate
 ) -> FloatArray:
     """The model's torque at the samples; its mean, which holds the motor's friction, is the log's."""
-    predicted = _predict_again(problem, best)
-    wave = periodic(predicted.torque, problem.compared.order, turn_phases(recording))
+    wave = periodic(best.orbit.torque, problem.compared.order, turn_phases(recording))
     return np.asarray(torque.mean() + wave)

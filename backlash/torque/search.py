@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dposv
 
+from backlash.refusals import Reason, Refusal
 from backlash.torque.load import Prediction, jacobian, predict, residuals
 from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
 from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
@@ -63,11 +64,27 @@ _PER_STEP_2 = FIRST_STEP**-2.0
 
 
 class Candidate(NamedTuple):
-    """A joint of the search: its unknowns, the wind-up and its rate where the turn begins, and its misfit."""
+    """A joint of the search: its unknowns, what it predicts, what that leaves of the torque, and its misfit.
+
+    Where the load has no periodic orbit there is no prediction, and chi squared, with the prior's, is infinite.
+    """
 
     theta: FloatArray
-    start: FloatArray | None
     chi2: float
+    predicted: Prediction | None = None
+    residuals: FloatArray = np.empty(0)
+
+    @property
+    def orbit(self) -> Prediction:
+        """What it predicts; Refusal without a periodic orbit."""
+        if self.predicted is None:
+            raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
+        return self.predicted
+
+    @property
+    def delta_rad(self) -> float:
+        """Half of the play, which is none where the gap is below zero."""
+        return 1e-3 * max(float(self.theta[DELTA]), 0.0)
 
 
 _chi2 = attrgetter("chi2")
@@ -88,7 +105,7 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
     # An end that fits nearly as well may lie in the best one's valley: all of these go on to their minimum.
     most = best.chi2 + s.near * max(best.chi2 / problem.size, 1.0)
     near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
-    near = [descend(problem, each, s.near_tolerance) for each in near]
+    near = [descend(problem, each, s.near_tolerance) for each in near or [best]]
     best = descend(problem, min(near, key=_chi2))
     for steps, stiffer in s.restarts:
         best = min(best, descend(problem, move(best, steps, stiffer, False)), key=_chi2)
@@ -110,18 +127,20 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
 
 
 def place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> Candidate:
-    """The usual joint but for these; its misfit is infinite where the load has no periodic orbit."""
+    """The usual joint but for these."""
     theta = problem.prior.mean.copy()
     theta[[DELTA, STIFFNESS, FRICTION]] = delta_mrad, ring, friction
     return evaluate(problem, theta)
 
 
-def evaluate(problem: Problem, theta: FloatArray) -> Candidate:
-    """A joint with its misfit, which is infinite where the load has no periodic orbit."""
-    found = _visit(problem, theta, None)
-    if found is None:
-        return Candidate(theta, None, np.inf)
-    return Candidate(theta, found.predicted.start, found.chi2)
+def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = None) -> Candidate:
+    """A joint with its misfit, by the orbit near a start or from rest."""
+    predicted = predict(theta, problem.compared, start)
+    if predicted is None:
+        return Candidate(theta, np.inf)
+    left = residuals(predicted, problem.compared)
+    chi2 = float(left @ left) + prior_chi_squared(theta, problem.prior)
+    return Candidate(theta, chi2, predicted, left)
 
 
 def descend_each(
@@ -178,24 +197,6 @@ def distinct(candidates: list[Candidate], same: float) -> list[Candidate]:
 # --------------------------------------------------------------------------------------------------------- a descent
 
 
-class _Place(NamedTuple):
-    """A joint, what it predicts, what that leaves of the torque, and chi squared with the prior's."""
-
-    theta: FloatArray
-    predicted: Prediction
-    residuals: FloatArray
-    chi2: float
-
-
-def _visit(problem: Problem, theta: FloatArray, start: FloatArray | None) -> _Place | None:
-    predicted = predict(theta, problem.compared, start)
-    if predicted is None:
-        return None
-    left = residuals(predicted, problem.compared)
-    chi2 = float(left @ left) + prior_chi_squared(theta, problem.prior)
-    return _Place(theta, predicted, left, chi2)
-
-
 class _Slopes(NamedTuple):
     """Slopes of the residuals and of the orbit's start at a joint, and half those of their sum of squares."""
 
@@ -205,8 +206,8 @@ class _Slopes(NamedTuple):
     downhill: FloatArray
 
 
-def _differentiate(problem: Problem, here: _Place) -> _Slopes:
-    slopes, start_slopes = jacobian(here.predicted, problem.compared)
+def _differentiate(problem: Problem, here: Candidate) -> _Slopes:
+    slopes, start_slopes = jacobian(here.orbit, problem.compared)
     return _Slopes(slopes, start_slopes, slopes.T @ slopes, -(slopes.T @ here.residuals))
 
 
@@ -224,24 +225,27 @@ def descend(
     target, or within a first step of an end above which three such steps would stay. A step to where the load has no
     periodic orbit is taken back.
     """
-    here = _visit(problem, begin.theta, begin.start)
-    if here is None:
-        return begin._replace(chi2=np.inf)
-    by = _differentiate(problem, here)
+    here = evaluate(problem, begin.theta, begin.predicted and begin.predicted.start)
+    if here.predicted is None:
+        return here
+    slopes = _differentiate(problem, here)
     damping, growth, trials = 1e-3, 2.0, 0
-    while trials < SETTINGS.most_trials and np.isfinite(by.normal).all():  # else two orbits part
-        step = _find_step(problem, here.theta, by, damping, holds_delta)
+    while (
+        trials < SETTINGS.most_trials and np.isfinite(slopes.normal).all()
+    ):  # else two orbits part
+        step = _find_step(problem, here.theta, slopes, damping, holds_delta)
         length = math.sqrt(float(step * _PER_STEP_2 @ step))
         if trials == 0 and length > 1:
             damping *= 4
             continue
         trials += 1
-        theta, start = here.theta + step, here.predicted.start + by.start @ step[:OF_CONTACT]
-        there = _visit(problem, theta, start)
-        gain = here.chi2 - there.chi2 if there else -np.inf
-        left = here.residuals + by.residuals @ step
-        expected = here.chi2 - float(left @ left) - prior_chi_squared(theta, problem.prior)
-        if there and gain > 0:
+        start = here.orbit.start + slopes.start @ step[:OF_CONTACT]
+        there = evaluate(problem, here.theta + step, start)
+        gain = here.chi2 - there.chi2
+        linear = here.residuals + slopes.residuals @ step
+        prior_chi2 = prior_chi_squared(there.theta, problem.prior)
+        expected = here.chi2 - float(linear @ linear) - prior_chi2
+        if gain > 0:
             here = there
             is_slow = gain < tolerance * here.chi2 or here.chi2 - 20 * gain > target
             if (is_slow and gain > 0.25 * expected) or _is_near(
@@ -249,12 +253,12 @@ def descend(
             ):
                 break
             damping, growth = damping * max(1 / 3, 1 - (2 * gain / expected - 1) ** 3), 2.0
-            by = _differentiate(problem, here)
+            slopes = _differentiate(problem, here)
         else:
             if length < 1e-5 or expected < 1e-3 * tolerance * here.chi2:
                 break
             damping, growth = damping * growth, 2 * growth
-    return Candidate(here.theta, here.predicted.start, here.chi2)
+    return here
 
 
 def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate]) -> bool:
@@ -266,15 +270,15 @@ def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate]) -> bool:
 
 
 def _find_step(
-    problem: Problem, theta: FloatArray, by: _Slopes, damping: float, holds_delta: bool
+    problem: Problem, theta: FloatArray, slopes: _Slopes, damping: float, holds_delta: bool
 ) -> FloatArray:
     """A damped step of Gauss's and Newton's method, under the prior's law of the side of zero where it ends."""
     free = slice(1 if holds_delta else 0, None)
     most_friction = problem.prior.most_friction
-    step, side, damped = np.zeros(theta.size), theta, by.normal + np.diag(damping * _PER_STEP_2)
+    step, side, damped = np.zeros(theta.size), theta, slopes.normal + np.diag(damping * _PER_STEP_2)
     for _ in range(_MOST_SIDES):
-        distances, slopes = weigh_prior(theta, side, problem.prior)
-        matrix, right = damped + slopes.T @ slopes, by.downhill - distances @ slopes
+        distances, weights = weigh_prior(theta, side, problem.prior)
+        matrix, right = damped + weights.T @ weights, slopes.downhill - distances @ weights
         *_, step[free], _ = dposv(matrix[free, free], right[free])
         before, side = side, theta + step
         is_beyond = side[FRICTION] > most_friction, before[FRICTION] > most_friction

@@ -37,7 +37,7 @@ TURN = 2 * np.pi
 def candidate(delta_mrad, chi2=100.0):
     theta = np.zeros(len(NAMES))
     theta[[DELTA, SHARE]] = delta_mrad, 0.5
-    return Candidate(theta, np.zeros(2), chi2)
+    return Candidate(theta, chi2)
 
 
 @pytest.fixture
@@ -206,7 +206,7 @@ def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
     compared = SimpleNamespace(order=np.zeros(50))
     problem = Problem(compared, Prior(np.zeros(theta.size), sd, sd, 0.5))
     covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
-    given = (problem, Candidate(theta, np.zeros(2), chi2), covariance)
+    given = (problem, Candidate(theta, chi2), covariance)
     if words is None:
         rules._check_joint(*given)
     else:
