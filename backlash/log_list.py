@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import pandas as pd
 
 from backlash.estimates import GIVEN, Request, request_for
+from backlash.reading.columns import listed
 from backlash.reading.limits import LIMITS
 from backlash.reading.packed import check_size, is_workbook, read_parquet_text, workbook_text
 from backlash.reading.sources import name_of, naming, read_bytes
@@ -20,7 +21,7 @@ from backlash.refusals import Refusal
 TableOfLogs: TypeAlias = pd.DataFrame | str | PathLike[str]
 KEYS = ["joint", "date"]
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
-_TEXTS = {"joint", "time", "speed", "position", "torque", "unit", "time_unit"}
+_TEXTS = {"time", "speed", "position", "torque", "unit", "time_unit"}
 _TRUTHS = {"yes": True, "true": True, "y": True, "1": True}
 _TRUTHS |= {"no": False, "false": False, "n": False, "0": False}
 
@@ -42,25 +43,26 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
         )
-    table = read_rows(source, "file")
-    logs = _paths_of(source, table.pop("file"))
-    _refuse_misspelt(source, table)
+    name = "the table" if isinstance(source, pd.DataFrame) else str(source)
+    with naming(name):
+        table = read_rows(source)
+        _refuse_misspelt(table)
+    logs = _paths_of(source, table["file"])
     requests: list[Request | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            own = {name: cell for name, cell in options_of(row).items() if name in GIVEN}
-            requests.append(request_for(log, {**given, **own}))
+            requests.append(request_for(log, {**given, **options_of(row)}))
         except Refusal as refusal:
-            requests.append(Refusal(f"{_called(source)}, {Path(name_of(log)).name}: {refusal}"))
+            requests.append(Refusal(f"{name}, {Path(name_of(log)).name}: {refusal}"))
     return Batch(logs, requests, keys_of(table))
 
 
-def _refuse_misspelt(source: TableOfLogs, table: pd.DataFrame) -> None:
+def _refuse_misspelt(table: pd.DataFrame) -> None:
     """Refuse a column that is nearly one that is read; others may stand in the table, too."""
     names = ("file", *KEYS, *GIVEN)
     for column in sorted({*map(str, table)}.difference(names)):
         if meant := get_close_matches(column.lower().replace(" ", "_"), names, 1, 0.8):
-            raise Refusal(f"{_called(source)}: column {column!r} is not read; is it {meant[0]!r}?")
+            raise Refusal(f"column {column!r} is not read; is it {meant[0]!r}?")
 
 
 def find_logs(paths: Sequence[Path], out: Path | None = None) -> list[Path]:
@@ -88,51 +90,43 @@ def _paths_of(source: TableOfLogs, names: pd.Series) -> list[Any]:
     return [Path(source).parent / name.strip().replace("\0", "?") for name in names.fillna("")]
 
 
-def read_rows(source: TableOfLogs, *columns: str) -> pd.DataFrame:
-    """Rows of a table of logs, which has some columns: of a CSV file texts, and empty cells as missing."""
+def read_rows(source: TableOfLogs) -> pd.DataFrame:
+    """Rows of a table of logs: of a CSV file texts, and empty cells as missing."""
     table = source if isinstance(source, pd.DataFrame) else _read_file(str(source))
     table = table.reset_index(drop=table.index.names == [None])
-    if missing := [name for name in columns if name not in table]:
-        there = ", ".join(map(repr, table.columns))[:300]
-        raise Refusal(f"{_called(source)}: no column {missing[0]!r}; there are {there}")
+    if "file" not in table:
+        raise Refusal(f"no column 'file'; there are {listed(table.columns)}")
     if table.empty:
-        raise Refusal(f"{_called(source)}: no rows")
+        raise Refusal("no rows")
     if len(table) > LIMITS.most_logs:
-        raise Refusal(
-            f"{_called(source)}: {len(table):,} logs, more than {LIMITS.most_logs:,}; split the table"
-        )
+        raise Refusal(f"{len(table):,} logs, more than {LIMITS.most_logs:,}; split the table")
     return table
 
 
 def _read_file(name: str) -> pd.DataFrame:
-    with naming(name):
-        content = read_bytes(name, LIMITS.most_list_bytes)
-        if content.startswith(b"PAR1"):
-            return read_parquet_text(content)
-        text = workbook_text(content)[0] if is_workbook(content) else decoded(content)
-        first = text.partition("\n")[0]
-        check_size(text.count("\n"), len(first))
-        marks = [mark for mark in ",;\t" if mark in first]
-        return pd.read_csv(
-            io.StringIO(text),
-            sep=marks[0] if marks else ",",
-            dtype=str,
-            keep_default_na=False,
-            na_values=[""],
-            index_col=False,
-        )
+    content = read_bytes(name, LIMITS.most_list_bytes)
+    if content.startswith(b"PAR1"):
+        return read_parquet_text(content)
+    text = workbook_text(content)[0] if is_workbook(content) else decoded(content)
+    first = text.partition("\n")[0]
+    check_size(text.count("\n"), len(first))
+    return pd.read_csv(
+        io.StringIO(text),
+        sep=next((mark for mark in ",;\t" if mark in first), ","),
+        dtype=str,
+        keep_default_na=False,
+        na_values=[""],
+        index_col=False,
+    )
 
 
 def keys_of(table: pd.DataFrame) -> pd.DataFrame:
     """Joints and dates of a table's rows, as far as it has them."""
     keys = table[[name for name in KEYS if name in table]].copy()
     if "date" in keys:
-        keys["date"] = _as_dates(keys["date"])
+        dates = pd.to_datetime(keys["date"], format="ISO8601", utc=True, errors="coerce")
+        keys["date"] = dates.dt.tz_localize(None)
     return keys
-
-
-def _as_dates(cells: pd.Series) -> pd.Series:
-    return pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce").dt.tz_localize(None)
 
 
 def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
@@ -143,7 +137,10 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
     Refusal
         A cell is not what its column holds.
     """
-    return {str(name): _value(str(name), cell) for name, cell in row.items() if not pd.isna(cell)}
+    read = {name: cell for name, cell in row.items() if name in (*GIVEN, "date")}
+    options = {name: _value(name, cell) for name, cell in read.items() if not pd.isna(cell)}
+    options.pop("date", None)
+    return options
 
 
 def _value(name: str, cell: Any) -> Any:
@@ -161,8 +158,3 @@ def _value(name: str, cell: Any) -> Any:
         return float(cell)
     except (ValueError, TypeError, KeyError) as error:
         raise Refusal(f"{name} is {str(cell)[:40]!r}, {wanted}") from error
-
-
-def _called(source: TableOfLogs) -> str:
-    """What a table is called in a refusal."""
-    return "the table" if isinstance(source, pd.DataFrame) else str(source)

@@ -18,7 +18,10 @@ from backlash.log_list import find_logs, keys_of, options_of, read_batch, read_r
 from tests.logs import command, file, noisy, write
 
 HOW = {"turn_period_s": 0.4}
-CSV = "file,joint,date,turn_period_s,torque,trust_period\na.csv,007,2024-03-17,0.4,3,no\nb.csv,=1+1,,?,,maybe\n"
+CSV = (
+    "file,joint,date,turn_period_s,torque,trust_period,remark\n"
+    "a.csv,007,2024-03-17,0.4,3,no,left arm\nb.csv,=1+1,,?,,maybe,\n"
+)
 
 
 @pytest.fixture
