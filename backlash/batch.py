@@ -157,17 +157,16 @@ def _examine_one(
     return number, replace(answer, trace=None)
 
 
-def as_table(answers: Sequence[Estimate], keys: pd.DataFrame | None = None) -> pd.DataFrame:
+def as_table(answers: Sequence[Estimate], keys: pd.DataFrame) -> pd.DataFrame:
     """Answers as a tidy table: intervals, and quantities with their SDs, in two columns each; no cell is a formula."""
-    table = pd.DataFrame([_row(answer) for answer in answers])
-    if keys is not None:
-        table = keys.join(table)
-    return table.map(lambda cell: escape(cell) if isinstance(cell, str) else cell)
+    return keys.join(pd.DataFrame([_row(answer) for answer in answers])).map(_escape)
 
 
-def escape(text: str) -> str:
-    """A text that a table can hold, and that is no formula for a spreadsheet, whatever separates its cells."""
-    return _FORMULA.sub(r"\1'", text.encode(errors="replace").decode())
+def _escape(cell: object) -> object:
+    """A cell that a table can hold, and that is no formula for a spreadsheet, whatever separates its cells."""
+    if not isinstance(cell, str):
+        return cell
+    return _FORMULA.sub(r"\1'", cell.encode(errors="replace").decode())
 
 
 def _row(answer: Estimate) -> dict[str, object]:

@@ -196,8 +196,8 @@ def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     return replace(
         answer,
         verdict=NONE if fit.is_none else BACKLASH,
-        backlash_rad=0.0 if fit.is_none else fit.delta_rad,
-        backlash_interval_rad=(0.0, fit.interval_rad[1]) if fit.is_none else fit.interval_rad,
+        backlash_rad=fit.delta_rad,
+        backlash_interval_rad=fit.interval_rad,
         chi_squared=fit.chi_squared,
         joint=fit.joint,
         notes=notes,

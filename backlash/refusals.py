@@ -38,18 +38,17 @@ class Refusal(UserError, ValueError):
         row: int | None = None,
         notes: tuple[str, ...] = (),
     ):
+        super().__init__(sentence)  # by which it travels between processes, with its attributes
         self.sentence = one_line(sentence)
         self.reason = reason
         self.row = row
         self.notes = notes
         self.columns = ""  # of the log that were read, as far as it came
-        place = "" if row is None else f"row {row}: "
-        kind = "" if self.is_unusable else f"{reason.value}: "
-        super().__init__(kind + place + self.sentence)
 
-    def __reduce__(self):
-        """Travel between processes."""
-        return Refusal, (self.sentence, self.reason, self.row, self.notes)
+    def __str__(self) -> str:
+        place = "" if self.row is None else f"row {self.row}: "
+        kind = "" if self.is_unusable else f"{self.reason.value}: "
+        return kind + place + self.sentence
 
     @property
     def is_unusable(self) -> bool:

@@ -7,7 +7,6 @@ import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from backlash import estimates
 from backlash.answer import Estimate
@@ -20,11 +19,6 @@ from replication.files import write_bytes, write_csv
 
 _OURS = b"total_play_high_rad"  # in what --out writes
 _FIGURES = (".png", ".svg", ".pdf")
-
-
-def _given(options: argparse.Namespace) -> dict[str, Any]:
-    """Keywords of `estimate` by the options."""
-    return {name: value for name, value in vars(options).items() if name in GIVEN}
 
 
 def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | None) -> None:
@@ -54,10 +48,6 @@ def _is_ours(path: Path) -> bool:
     return _OURS in content[: 2**16] + content[-(2**16) :]
 
 
-def _as_json(content: object, indent: int | None = 1) -> str:
-    return json.dumps(content, indent=indent, allow_nan=False)
-
-
 def run(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash; returns the exit status."""
     inputs = (*options.log, options.batch)
@@ -66,7 +56,8 @@ def run(options: argparse.Namespace) -> int:
     if bool(options.log) == bool(options.batch):
         raise Refusal("give logs, or --batch with a table of them")
     source = options.batch or find_logs(options.log, options.out)
-    logs = read_batch(source, _given(options))
+    given = {name: value for name, value in vars(options).items() if name in GIVEN}
+    logs = read_batch(source, given)
     count = len(logs.logs)
     if Path(STDIN) in logs.logs and (count > 1 or options.out):
         raise Refusal("- (the standard input) goes alone, and without --out")
@@ -79,7 +70,10 @@ def run(options: argparse.Namespace) -> int:
     if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
         each = _examine_alone(logs, options)
     else:
-        each = _examine_all(logs, options, journal)
+        from backlash.batch import run_batch
+
+        draw = partial(_draw, options.plots) if options.plots else None
+        each = run_batch(logs, options.jobs, journal, draw)
     # "joint" holds the joint's quantities.
     named = logs.keys.rename(columns={"joint": "joint_name"}).astype("string").fillna("")
     keys = named.to_dict("records")
@@ -87,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     for number, answer in each:
         by_number[number] = answer
         if options.jsonl:
-            print(_as_json(keys[number] | answer.to_dict(), None), flush=True)
+            print(json.dumps(keys[number] | answer.to_dict(), allow_nan=False), flush=True)
     answers = [by_number[number] for number in range(count)]
     bad = [answer for answer in answers if answer.is_unusable]
     if options.out and len(bad) < count:
@@ -96,7 +90,8 @@ def run(options: argparse.Namespace) -> int:
         journal.unlink(missing_ok=True)
     if options.json:
         rows = zip(keys, answers, strict=True)
-        print(_as_json([key | answer.to_dict() for key, answer in rows]))
+        content = [key | answer.to_dict() for key, answer in rows]
+        print(json.dumps(content, indent=1, allow_nan=False))
     if len(bad) == count:
         which = "" if count == 1 else f"none of {count} logs is usable; the first: "
         raise Refusal(which + bad[0].explanation)
@@ -119,15 +114,6 @@ def _examine_alone(logs: Batch, options: argparse.Namespace) -> Iterator[tuple[i
     elif options.plot:
         print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
     yield 0, answer
-
-
-def _examine_all(
-    logs: Batch, options: argparse.Namespace, journal: Path | None
-) -> Iterator[tuple[int, Estimate]]:
-    from backlash.batch import run_batch
-
-    draw = partial(_draw, options.plots) if options.plots else None
-    return run_batch(logs, options.jobs, journal, draw)
 
 
 def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None:

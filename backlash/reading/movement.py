@@ -7,7 +7,7 @@ from scipy.ndimage import uniform_filter1d
 
 from backlash.reading.columns import LogOptions
 from backlash.reading.limits import LIMITS
-from backlash.reading.samples import Samples
+from backlash.reading.samples import Samples, runs_of
 from backlash.refusals import Reason, Refusal
 from replication.records import Recording
 from replication.signature import FloatArray
@@ -89,8 +89,8 @@ def usual_speed(v: FloatArray, expected: float | None) -> float:
 
 def _longest_run(state: FloatArray) -> tuple[int, int]:
     """First and past-the-end index of the longest run of one value that is not 0; twice the same if there is none."""
-    starts = np.flatnonzero(np.diff(state, prepend=np.nan))
-    lengths = np.diff(starts, append=state.size) * (state[starts] != 0)
+    starts, lengths = runs_of(state)
+    lengths *= state[starts] != 0
     best = lengths.argmax()
     return int(starts[best]), int(starts[best] + lengths[best])
 

@@ -13,6 +13,12 @@ from backlash.refusals import Refusal
 from replication.signature import FloatArray
 
 
+def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First indices and lengths of the runs of equal values."""
+    starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
+    return starts, np.diff(starts, append=signal.size)
+
+
 class Suspect(NamedTuple):
     """Samples whose values may be none of a measurement."""
 

@@ -6,17 +6,11 @@ from scipy.ndimage import median_filter
 
 from backlash.reading.limits import LIMITS
 from backlash.reading.movement import usual_speed
-from backlash.reading.samples import Samples
+from backlash.reading.samples import Samples, runs_of
 from backlash.refusals import Reason, Refusal
 from replication.signature import FloatArray
 
 Mask = NDArray[np.bool_]
-
-
-def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First indices and lengths of the runs of equal values."""
-    starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
-    return starts, np.diff(starts, append=signal.size)
 
 
 def _finest(signal: FloatArray) -> float:
@@ -44,13 +38,19 @@ def refuse_zeros_between(samples: Samples) -> Samples:
     return samples
 
 
+def _single_strays(away: FloatArray, limit: float) -> NDArray[np.int64]:
+    """Samples that are too far away from their neighbours; none if they are too many to be single ones."""
+    strays = np.flatnonzero(away > limit)
+    return strays if strays.size <= LIMITS.most_single * away.size else strays[:0]
+
+
 def mark_strays(samples: Samples) -> Samples:
     """Suspect single samples of the torque that stand out of all others."""
     for torque in samples.signals[1:]:
         away = np.abs(torque - median_filter(torque, 5, mode="nearest"))
         reach = LIMITS.stray * np.ptp(np.quantile(torque, (0.01, 0.99)))
-        strays = np.flatnonzero(away > max(reach, LIMITS.stray_deviations * np.median(away)))
-        if 0 < strays.size <= LIMITS.most_single * torque.size:
+        strays = _single_strays(away, max(reach, LIMITS.stray_deviations * np.median(away)))
+        if strays.size:
             what = (
                 f"{{count}} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
                 f"{torque[max(strays[0] - 1, 0)]:.4g}; mend them, or leave their cells empty"
@@ -154,12 +154,12 @@ def refuse_speed_spikes(samples: Samples) -> Samples:
     v, t = samples.v, samples.t
     usual = median_filter(v, 5, mode="nearest")
     limit = LIMITS.spike * usual_speed(v, samples.options.expected_speed_rps)
-    away = np.flatnonzero(np.abs(v - usual) > limit)
-    if 0 < away.size <= LIMITS.most_single * v.size:
-        k = away[0]
+    strays = _single_strays(np.abs(v - usual), limit)
+    if strays.size:
+        k = strays[0]
         cure = "mend or cut the log; of a speed differentiated by uneven stamps log the position"
         raise Refusal(
-            f"{away.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
+            f"{strays.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
             f"{t[k]:.6g} s after the first; {cure}"
         )
     return samples

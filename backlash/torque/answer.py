@@ -118,7 +118,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     return TorqueFit(
-        delta_rad=best.delta_rad,
+        delta_rad=0.0 if is_none else best.delta_rad,
         interval_rad=interval,
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
@@ -162,6 +162,8 @@ def _pool_intervals(
     """The interval over all minima that fit nearly as well, and whether it is of no backlash; Refusal if too wide."""
     own = _interval(best.theta, covariance)
     is_none = own[1] < LIMITS.negligible_rad
+    if is_none:
+        own = 0.0, own[1]
     # None has none that is not negligible.
     others = [
         (0.0, 1e-3 * each.theta[DELTA])
@@ -188,43 +190,43 @@ def _check_movement(
     recording: Recording, torque: FloatArray, turn: MeasuredTurn, load: LoadData
 ) -> None:
     """Refuse a movement whose turns differ, or in which the teeth may not part, or part by the gear's error."""
-    by_turn = gravity_by_turn(recording, torque)
-    change = max(by_turn.real.std(), by_turn.imag.std()) / abs(by_turn.mean())
+    lines = gravity_by_turn(recording, torque)
+    change = max(lines.real.std(), lines.imag.std()) / abs(lines.mean())
     odd, scatter = odd_against_even(recording, torque), scatter_of_phase(recording, torque)
     ripple = turn.ripple / (load.gravity_per_s2 * load.inertia_ratio)
-    for value, most, sentence, reason in (
+    for is_beyond, reason, sentence in (
         (
-            *(change, LIMITS.most_change),
+            change > LIMITS.most_change,
+            Reason.NOT_PERIODIC,
             f"the torque's line once a turn changes by {change:.0%} from turn to turn; is it gravity's, or does "
             "another axis move?",
-            Reason.NOT_PERIODIC,
         ),
         (
-            *(odd, LIMITS.most_odd_against_even),
+            odd > LIMITS.most_odd_against_even,
+            Reason.NOT_PERIODIC,
             f"odd and even turns differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
             "at half this joint's rate? hold all other axes still",
-            Reason.NOT_PERIODIC,
         ),
         (
-            *(scatter, LIMITS.most_scatter_s),
+            scatter > LIMITS.most_scatter_s,
+            Reason.NOT_PERIODIC,
             f"gravity's line comes {1e3 * scatter:.2g} ms early or late from turn to turn; does the log's clock "
             "wander, or does another axis move?",
-            Reason.NOT_PERIODIC,
         ),
         (
-            *(turn.friction, 1.0),
+            turn.friction > 1.0,
+            Reason.NO_REVERSAL,
             f"the mean torque, {turn.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs an "
             "off-centre load whose gravity exceeds friction and losses, and a horizontal axis",
-            Reason.NO_REVERSAL,
         ),
         (
-            *(ripple, LIMITS.most_ripple),
+            ripple > LIMITS.most_ripple,
+            Reason.NO_FIT,
             f"a line of the speed is a ripple of {ripple:.0%} of gravity; does the gear's error part the teeth, or "
             "does the drive hum?",
-            Reason.NO_FIT,
         ),
     ):
-        if value > most:
+        if is_beyond:
             raise Refusal(sentence, reason)
 
 

@@ -143,13 +143,11 @@ def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = Non
     return Candidate(theta, chi2, predicted, left)
 
 
-def descend_each(
-    problem: Problem, begins: list[Candidate], tolerance: float, target: float = np.inf
-) -> list[Candidate]:
+def descend_each(problem: Problem, begins: list[Candidate], tolerance: float) -> list[Candidate]:
     """The ends of some descents, none of which goes on where it comes near a lower end of another."""
     ends: list[Candidate] = []
     for begin in begins:
-        ends.append(descend(problem, begin, tolerance, target, ends))
+        ends.append(descend(problem, begin, tolerance, ends=ends))
     return ends
 
 
@@ -288,7 +286,7 @@ def _find_step(
 
 
 def hold_delta(
-    problem: Problem, candidate: Candidate, delta_mrad: float, target: float = np.inf
+    problem: Problem, candidate: Candidate, delta_mrad: float, target: float
 ) -> Candidate:
     """The best joint of a backlash, from another's, or one that is clearly above a target."""
     theta = candidate.theta.copy()

@@ -83,7 +83,7 @@ def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(prob
 
 def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
     made, theta = problem
-    held = hold_delta(made, evaluate(made, theta), 0.8).theta
+    held = hold_delta(made, evaluate(made, theta), 0.8, np.inf).theta
     assert held[DELTA] == 0.8
     assert (np.delete(held, DELTA) != np.delete(theta, DELTA)).all()
 
