@@ -49,7 +49,7 @@ class Estimate:
     sha256: str | None = None  # of the log file's bytes
     trace: Trace | None = field(default=None, compare=False, repr=False)
 
-    def without(self, refusal: Refusal) -> "Estimate":
+    def with_refusal(self, refusal: Refusal) -> "Estimate":
         """The answer with the reason why there is none."""
         return replace(
             self,
@@ -102,11 +102,11 @@ class Estimate:
         low, high = (1e3 * end for end in self.backlash_interval_rad)
         if self.verdict == NONE:
             return f"no backlash (less than {high:.3f} mrad, half of the play)"
-        told = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
+        text = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
         also = f"{60 * np.degrees(self.backlash_rad):.2f} arcmin"
         if self.arm_m:
             also += f", {1e3 * self.backlash_rad * self.arm_m:.3f} mm at {self.arm_m:g} m"
-        return f"{told} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
+        return f"{text} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
 
 
 def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:

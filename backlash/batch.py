@@ -130,18 +130,18 @@ def _examine_each(
 
     A process that dies takes others with it and does not say on which log: what is left is tried again in halves.
     """
-    left = dict(calls)
+    remaining = dict(calls)
     tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
     with suppress(BrokenProcessPool):
         for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
-            del left[number]
+            del remaining[number]
             yield number, answer
-    if len(left) == 1:
-        [(number, (log, _))] = left.items()
+    if len(remaining) == 1:
+        [(number, (log, _))] = remaining.items()
         why = f"{name_of(log)}: the process that read it died; too large?"
         yield number, refused(log, why)
-    elif left:
-        again = list(left.items())
+    elif remaining:
+        again = list(remaining.items())
         for half in (again[::2], again[1::2]):
             yield from _examine_each(dict(half), jobs, draw)
 

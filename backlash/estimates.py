@@ -117,7 +117,7 @@ def examine(
     except Refusal as refusal:
         if refusal.is_unusable:
             raise
-        return answer.without(refusal)
+        return answer.with_refusal(refusal)
 
 
 def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
@@ -148,7 +148,7 @@ def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
 
 def refused(log: object, why: str) -> Estimate:
     """The answer on a log that cannot be used."""
-    return Estimate(name_of(log)).without(Refusal(why))
+    return Estimate(name_of(log)).with_refusal(Refusal(why))
 
 
 def _with_own_period(log: Log) -> Log:
@@ -218,7 +218,7 @@ def _answer_by_amplitude(log: Log, answer: Estimate) -> Estimate:
             amplitude_interval_rps=(max(amplitude - half, 0.0), amplitude + half),
             trace=Trace(recording.t, recording.v, model, "motor speed [rps]"),
         )
-    return answer.without(
+    return answer.with_refusal(
         Refusal(
             "the speed alone gives an index of this joint in this movement, no backlash: log the torque",
             Reason.NO_TORQUE,
@@ -234,8 +234,8 @@ def request_for(log: object, given: Mapping[str, Any]) -> Request:
     arm_m = given.get("arm_m")
     check_positive(arm_m=arm_m)
     options = _options_of(log, given)
-    is_by_torque = options.torque or not given.keys().isdisjoint(_RATIOS + _MASSES)
-    return Request(options, _load_of(options, given) if is_by_torque else None, arm_m)
+    needs_load = options.torque or not given.keys().isdisjoint(_RATIOS + _MASSES)
+    return Request(options, _load_of(options, given) if needs_load else None, arm_m)
 
 
 def _options_of(log: object, given: Mapping[str, Any]) -> LogOptions:
@@ -257,14 +257,14 @@ def _load_of(options: LogOptions, given: Mapping[str, Any]) -> LoadData:
     load = {name: given[name] for name in _LOAD if name in given}
     there = {*load, *(name for name in ("torque", "gear_ratio") if getattr(options, name))}
     needed: tuple[str, ...] = ("torque", *_RATIOS)
-    by_masses = not there.isdisjoint(_MASSES)
-    if by_masses:
+    has_masses = not there.isdisjoint(_MASSES)
+    if has_masses:
         needed = ("torque", "gear_ratio", "motor_inertia_kgm2", "load_mass_kg", "load_arm_m")
     if missing := " and ".join(option_of(name) for name in needed if name not in there):
         raise Refusal(
             f"the torque and the load's data, by its ratios or its masses, are needed: give {missing} too"
         )
-    if not by_masses:
+    if not has_masses:
         return LoadData(**load)
     if not there.isdisjoint(_RATIOS):
         raise Refusal(

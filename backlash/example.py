@@ -6,7 +6,7 @@ from pathlib import Path
 from backlash.refusals import Refusal
 
 LOG = files("backlash") / "data" / "example.csv"
-KNOWN = "--torque torque --gear-ratio 100 --inertia-ratio 2 --gravity 30"
+EXAMPLE_OPTIONS = "--torque torque --gear-ratio 100 --inertia-ratio 2 --gravity 30"
 
 
 def write_example(path: Path = Path("example.csv")) -> str:
@@ -18,4 +18,4 @@ def write_example(path: Path = Path("example.csv")) -> str:
         raise Refusal(
             f"{path}: there is a file of this name; remove it, or go elsewhere"
         ) from error
-    return f"backlash estimate {path} {KNOWN}"
+    return f"backlash estimate {path} {EXAMPLE_OPTIONS}"

@@ -71,11 +71,11 @@ def find_logs(paths: Sequence[Path], out: Path | None = None) -> list[Path]:
     logs: dict[str, Path] = {}
     for path in paths:
         inside = sorted(filter(_is_log, path.rglob("*"))) if path.is_dir() else [path]
-        found = {os.path.realpath(file): file for file in inside}
-        found.pop(answers, None)
-        if not found:
+        files = {os.path.realpath(file): file for file in inside}
+        files.pop(answers, None)
+        if not files:
             raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
-        logs |= found
+        logs |= files
     return list(logs.values())
 
 

@@ -73,8 +73,8 @@ def one_line(text: str) -> str:
 
 def unit_of(keyword: str) -> str:
     """Unit at the end of a keyword of `estimate`; "" if it has none."""
-    found = re.search("_(per_s2|kgm2|rad|rps|hz|kg|m|s)$", keyword)
-    return found[1] if found else ""
+    match = re.search("_(per_s2|kgm2|rad|rps|hz|kg|m|s)$", keyword)
+    return match[1] if match else ""
 
 
 def option_of(keyword: str) -> str:

@@ -117,8 +117,8 @@ def scatter_of_phase(recording: Recording, torque: FloatArray) -> float:
     """SD [s] of the times at which gravity's line comes, from turn to turn, a drift aside: of a clock that wanders."""
     phase = np.unwrap(np.angle(gravity_by_turn(recording, torque)[1:]))
     turn = np.arange(phase.size)
-    left = phase - np.polyval(np.polyfit(turn, phase, 1), turn)
-    return float(left.std() * recording.turn_period_s / TURN)
+    residuals = phase - np.polyval(np.polyfit(turn, phase, 1), turn)
+    return float(residuals.std() * recording.turn_period_s / TURN)
 
 
 def period_by_torque(recording: Recording, torque: FloatArray) -> float:

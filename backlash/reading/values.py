@@ -101,16 +101,16 @@ def keep_new_values(samples: Samples) -> Samples:
     thinned = samples.at(slowest)
     steps = np.diff(thinned.t) / np.median(np.diff(thinned.t))
     rate = (thinned.t.size - 1) / np.ptp(thinned.t)
-    said = f"{how} for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
+    note = f"{how} for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
     if np.mean(np.abs(steps - 1) > 0.5) > LIMITS.most_invented:
         raise Refusal(
-            f"{said}, at uneven instants; log each value when it is new, or at a fixed rate"
+            f"{note}, at uneven instants; log each value when it is new, or at a fixed rate"
         )
     least_hz = LIMITS.good_rate * samples.options.ring_hz
     if rate < least_hz:
-        what = f"{said}, {least_hz:.0f} are needed; log each value when it is new"
+        what = f"{note}, {least_hz:.0f} are needed; log each value when it is new"
         raise Refusal(what, Reason.TOO_SLOWLY_SAMPLED)
-    return thinned.noting(f"{said}, which were used")
+    return thinned.noting(f"{note}, which were used")
 
 
 def _is_not_held(signal: FloatArray) -> Mask:

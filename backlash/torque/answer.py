@@ -6,7 +6,7 @@ import numpy as np
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import jacobian
+from backlash.torque.load import differentiate
 from backlash.torque.problem import SETTINGS as COMPARED
 from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
 from backlash.torque.search import Candidate, hold_delta, search
@@ -56,7 +56,7 @@ class AnswerLimits:
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
     # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off.
-    most_off: float = 3.5
+    most_prior_residual: float = 3.5
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
     # Odd against even turns over gravity, and the times of gravity's line: of 100 simulated joints at most 0.14 % and
@@ -132,7 +132,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 
 def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     """The unknowns' covariance, by the priors as they are above zero."""
-    slopes, _ = jacobian(best.orbit, problem.compared)
+    slopes, _ = differentiate(best.orbit, problem.compared)
     _, prior = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
     return np.asarray(np.linalg.inv(slopes.T @ slopes + prior.T @ prior))
 
@@ -260,7 +260,7 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
 
 def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> None:
     """Refuse what no joint of the model is."""
-    off, delay = problem.prior_distances(best.theta), float(best.theta[DELAY])
+    distances, delay = problem.prior_residuals(best.theta), float(best.theta[DELAY])
     is_bad = problem.misfit(best.chi2) > LIMITS.most_misfit
     is_late = abs(delay) - NORMAL_95 * np.sqrt(covariance[DELAY, DELAY]) > LIMITS.most_delay_ms
     if is_late and not is_bad:
@@ -269,19 +269,20 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
             f"the torque comes {abs(delay):.2g} ms too {when}; log it at the same instants as the speed",
             Reason.NO_FIT,
         )
-    farthest = int(np.abs(off).argmax())
-    if is_bad or abs(off[farthest]) > LIMITS.most_off:
+    largest = int(np.abs(distances).argmax())
+    if is_bad or abs(distances[largest]) > LIMITS.most_prior_residual:
         raise Refusal(
-            f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[farthest]} "
-            f"{off[farthest]:+.1f}, gravity {off[GRAVITY]:+.1f} and inertia ratio {off[RATIO]:+.1f} SDs off, gear loss "
-            f"{best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by {best.theta[FILTER]:.1f} ms); are "
+            f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest]} "
+            f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
+            f"SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by "
+            f"{best.theta[FILTER]:.1f} ms); are "
             "the load's data right? are all other axes held still, and is the arm stiff beside the payload (its "
             "first swing, at 6 to 15 Hz, usually refuses a wrist's log)? is there a belt, or an error of the gear?",
             Reason.NO_FIT,
         )
 
 
-# --------------------------------------------------------------------------------------------------- what is told
+# --------------------------------------------------------------------------------------------------- what is printed
 
 
 def _quantities(
@@ -309,8 +310,8 @@ def _quantities(
     theta = values[0] - np.log(gear_ratio) * (np.arange(len(TABLE)) == INERTIA)  # J_m of N J_m
     value = np.where(IS_LOGARITHM, np.exp(theta), theta)
     of_value = np.where(IS_LOGARITHM, value * sd, sd)
-    told = zip(TABLE, value.tolist(), of_value.tolist(), strict=True)
-    return {unknown.printed: (each, own) for unknown, each, own in told if unknown.printed}
+    rows = zip(TABLE, value.tolist(), of_value.tolist(), strict=True)
+    return {unknown.printed: (each, own) for unknown, each, own in rows if unknown.printed}
 
 
 def _up_to_gravity(theta: FloatArray) -> FloatArray:

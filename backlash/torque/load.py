@@ -121,8 +121,8 @@ def _mean_depth(a, b):
     above_a, above_b = max(a, 0.0), max(b, 0.0)
     mean = 0.5 * (above_b**2 - above_a**2) / (b - a)
     share = (above_b - above_a) / (b - a)
-    by_a, by_b = (mean - above_a) / (b - a), (above_b - mean) / (b - a)
-    return mean, share, by_a, by_b, (share - (a > 0)) / (b - a), ((b > 0) - share) / (b - a)
+    mean_a, mean_b = (mean - above_a) / (b - a), (above_b - mean) / (b - a)
+    return mean, share, mean_a, mean_b, (share - (a > 0)) / (b - a), ((b > 0) - share) / (b - a)
 
 
 @njit
@@ -139,22 +139,22 @@ def _contact_torque(x, v, h, theta, K, D, slope):
         end = depth + side * h * v
         if depth <= 0 and end <= 0:
             continue
-        mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth, end)
+        mean, share, mean_a, mean_b, share_a, share_b = _mean_depth(depth, end)
         touching += share
         touching_x += side * (share_a + share_b)
         touching_v += side * h * share_b
         touching_delta -= share_a + share_b
         p += side * part * mean
         p_part += side * mean
-        p_x += part * (by_a + by_b)
-        p_v += part * h * by_b
-        p_delta -= side * part * (by_a + by_b)
-        mean, share, by_a, by_b, share_a, share_b = _mean_depth(depth - soft, end - soft)
+        p_x += part * (mean_a + mean_b)
+        p_v += part * h * mean_b
+        p_delta -= side * part * (mean_a + mean_b)
+        mean, share, mean_a, mean_b, share_a, share_b = _mean_depth(depth - soft, end - soft)
         p += side * (1 - part) * mean
         p_part -= side * mean
-        p_x += (1 - part) * (by_a + by_b)
-        p_v += (1 - part) * h * by_b
-        p_soft -= side * (1 - part) * (by_a + by_b)
+        p_x += (1 - part) * (mean_a + mean_b)
+        p_v += (1 - part) * h * mean_b
+        p_soft -= side * (1 - part) * (mean_a + mean_b)
     dragging = drag * D * v
     damping = (1 - drag) * D
     c = K * p + damping * touching * v
@@ -186,7 +186,7 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
     D = 2 * np.exp(theta[DAMPING]) * np.sqrt(K)
     columns = jacobian.shape[1]
     slope, own, source = np.zeros(6), np.zeros(12), np.zeros(12)
-    x, v, loud = state[0], state[1], 1.0
+    x, v, loss_gain = state[0], state[1], 1.0
     for i in range(contact.size):
         cosine, sine = forcing[1, i], forcing[2, i]
         c, c_x, c_v = _contact_torque(x, v, h, theta, K, D, slope)
@@ -194,7 +194,7 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
         middle = x + 0.5 * h * v
         v_end = v + h * (forcing[0, i] - cosine * middle - c)
         if columns > 2:
-            loud = 1 + theta[LOSS] * c / np.sqrt(c * c + smoothing * smoothing)
+            loss_gain = 1 + theta[LOSS] * c / np.sqrt(c * c + smoothing * smoothing)
             for k in range(6):
                 own[2 + k] = slope[k]
             tilt = cosine + sine * middle
@@ -203,12 +203,12 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
             source[2 + GRAVITY] = sine + g * theta[FRICTION] - cosine * middle
             source[2 + LAG] = motion[3, i] + tilt * motion[1, i]
         for k in range(columns):
-            by_x, by_v = jacobian[0, k], jacobian[1, k]
-            c_k = own[k] + c_x * by_x + c_v * by_v
-            v_end_k = by_v + h * (source[k] - cosine * (by_x + 0.5 * h * by_v) - c_k)
-            jacobian[0, k] = by_x + 0.5 * h * (by_v + v_end_k)
+            x_slope, v_slope = jacobian[0, k], jacobian[1, k]
+            c_k = own[k] + c_x * x_slope + c_v * v_slope
+            v_end_k = v_slope + h * (source[k] - cosine * (x_slope + 0.5 * h * v_slope) - c_k)
+            jacobian[0, k] = x_slope + 0.5 * h * (v_slope + v_end_k)
             jacobian[1, k] = v_end_k
-            waves[k, i] = loud * c_k
+            waves[k, i] = loss_gain * c_k
         x += 0.5 * h * (v + v_end)
         v = v_end
     state[0], state[1] = x, v
@@ -217,24 +217,25 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
 @njit
 def _close_orbit(theta, h, motion, forcing, settling_turns, start, contact):
     """Move the start until its turn ends there, by Newton's method; whether it does, and a load keeps to that orbit."""
-    end, by, unused = np.empty(2), np.empty((2, 2)), np.empty((2, contact.size))
+    end, jacobian, unused = np.empty(2), np.empty((2, 2)), np.empty((2, contact.size))
     before, rate = np.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
     for turn in range(settling_turns + _MOST_TURNS):
         end[0], end[1] = start[0], start[1]
-        by[0, 0], by[0, 1], by[1, 0], by[1, 1] = 1.0, 0.0, 0.0, 1.0
-        _simulate_turn(theta, h, motion, forcing, 1.0, end, by, contact, unused)
+        jacobian[:] = np.eye(2)
+        _simulate_turn(theta, h, motion, forcing, 1.0, end, jacobian, contact, unused)
+        xx, xv, vx, vv = jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1]
         miss_x, miss_v = end[0] - start[0], end[1] - start[1]
         distance = abs(miss_x) + abs(miss_v) / rate
         if distance < _CLOSED_RAD:  # both multipliers are within the unit circle
-            trace, product = by[0, 0] + by[1, 1], by[0, 0] * by[1, 1] - by[0, 1] * by[1, 0]
-            return product <= 1 and abs(trace) <= 1 + product
+            product = xx * vv - xv * vx
+            return product <= 1 and abs(xx + vv) <= 1 + product
         if not distance < 1.0:  # ran away
             return False
-        determinant = (1 - by[0, 0]) * (1 - by[1, 1]) - by[0, 1] * by[1, 0]
+        determinant = (1 - xx) * (1 - vv) - xv * vx
         is_settled = turn >= settling_turns or distance < _SETTLED_RAD
         if is_settled and distance < before and abs(determinant) > 1e-9:
-            start[0] += ((1 - by[1, 1]) * miss_x + by[0, 1] * miss_v) / determinant
-            start[1] += (by[1, 0] * miss_x + (1 - by[0, 0]) * miss_v) / determinant
+            start[0] += ((1 - vv) * miss_x + xv * miss_v) / determinant
+            start[1] += (vx * miss_x + (1 - xx) * miss_v) / determinant
         else:
             start[0], start[1] = end[0], end[1]
         if is_settled:
@@ -268,7 +269,7 @@ def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
 class Responses(NamedTuple):
     """Responses at each harmonic: of the torque's log, of the speed's, and of the joint in contact."""
 
-    log: ComplexArray  # delay and low-pass
+    torque_log: ComplexArray  # delay and low-pass
     lag: ComplexArray
     spring: ComplexArray  # K and its damper
     carried: ComplexArray  # the load's torque over that of the motor's own inertia
@@ -281,7 +282,7 @@ class Prediction(NamedTuple):
     start: FloatArray  # x and x' where the turn begins
     forcing: FloatArray
     contact: FloatArray  # contact torque of each step
-    by: Responses
+    response: Responses
     torque: ComplexArray
     sd: FloatArray
 
@@ -294,8 +295,8 @@ def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -
     settling_turns = _SETTLING_TURNS if start is None else 0
     if not _close_orbit(theta, c.step_s, c.motion, forcing, settling_turns, begin, contact):
         return None
-    torque, sd, by = predict_torque(theta, c, contact)
-    return Prediction(theta, begin, forcing, contact, by, torque, sd)
+    torque, sd, response = predict_torque(theta, c, contact)
+    return Prediction(theta, begin, forcing, contact, response, torque, sd)
 
 
 def respond(theta: FloatArray, c: Comparison) -> Responses:
@@ -310,16 +311,17 @@ def respond(theta: FloatArray, c: Comparison) -> Responses:
 def predict_torque(
     theta: FloatArray, c: Comparison, contact: FloatArray
 ) -> tuple[ComplexArray, FloatArray, Responses]:
-    """The torque's harmonics by the contact torque, N J_m (a / N + rho (c + mu |c|)), late, with SDs and responses.
+    """The torque's harmonics by the contact torque, N J_m (a / N + rho (c + mu |c|)), late, with SDs and response.
 
     An SD is that of the torque's noise, of the speed's, and of the model's error.
     """
-    by = respond(theta, c)
+    response = respond(theta, c)
     J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
     carried = _at_harmonics(contact + theta[LOSS] * smooth_abs(contact, c), c)
-    torque = J * by.log * (by.lag * c.acceleration + rho * carried)
-    noise = J * np.abs(by.log * by.lag * (1 + by.carried)) * c.omega * c.speed_sd
-    return torque, np.sqrt(noise**2 + c.own_variance), by
+    torque = J * response.torque_log * (response.lag * c.acceleration + rho * carried)
+    by_speed = np.abs(response.torque_log * response.lag * (1 + response.carried))
+    noise = J * by_speed * c.omega * c.speed_sd
+    return torque, np.sqrt(noise**2 + c.own_variance), response
 
 
 def smooth_abs(contact: FloatArray, c: Comparison) -> FloatArray:
@@ -332,57 +334,59 @@ def _at_harmonics(waves: FloatArray, c: Comparison) -> ComplexArray:
     return np.asarray(np.fft.rfft(waves)[..., c.order] / c.mid_step)
 
 
-def residuals(predicted: Prediction, c: Comparison) -> FloatArray:
+def torque_residuals(predicted: Prediction, c: Comparison) -> FloatArray:
     """What the model leaves of the torque's harmonics over their SDs, real and imaginary parts in turn."""
     return ((predicted.torque - c.torque) / predicted.sd).view(float)
 
 
-def jacobian(predicted: Prediction, c: Comparison) -> tuple[FloatArray, FloatArray]:
+def differentiate(predicted: Prediction, c: Comparison) -> tuple[FloatArray, FloatArray]:
     """Slopes of the residuals, shape (residuals, unknowns), and of the orbit's start; not finite where orbits part."""
     theta, steps = predicted.theta, predicted.contact.size
-    end, by = predicted.start.copy(), np.eye(2, 2 + OF_CONTACT)
+    end, jacobian = predicted.start.copy(), np.eye(2, 2 + OF_CONTACT)
     unused, waves = np.empty(steps), np.empty((3 + OF_CONTACT, steps))
     _simulate_turn(
-        *(theta, c.step_s, c.motion, predicted.forcing, c.smoothing, end, by, unused, waves)
+        *(theta, c.step_s, c.motion, predicted.forcing, c.smoothing, end, jacobian, unused, waves)
     )
     waves[-1] = smooth_abs(predicted.contact, c)
     slope = _at_harmonics(waves, c)
     # The start moves with the unknowns, so that the turn ends where it begins.
-    (p, q), (r, s) = np.eye(2) - by[:, :2]
-    start_by = np.array([[s, -q], [-r, p]]) @ by[:, 2:] / (p * s - q * r)
-    contact_slope = slope[2:-1] + start_by.T @ slope[:2]
-    return _residual_slopes(predicted, c, contact_slope, slope[-1]), start_by
+    (p, q), (r, s) = np.eye(2) - jacobian[:, :2]
+    start_slopes = np.array([[s, -q], [-r, p]]) @ jacobian[:, 2:] / (p * s - q * r)
+    contact_slope = slope[2:-1] + start_slopes.T @ slope[:2]
+    return _residual_slopes(predicted, c, contact_slope, slope[-1]), start_slopes
 
 
 def _residual_slopes(
-    predicted: Prediction, c: Comparison, contact_slope: ComplexArray, by_loss: ComplexArray
+    predicted: Prediction, c: Comparison, contact_slope: ComplexArray, loss_slope: ComplexArray
 ) -> FloatArray:
     """Slopes of the residuals by all unknowns, by those of the harmonics of c + mu |c|."""
-    theta, by, torque, sd = predicted.theta, predicted.by, predicted.torque, predicted.sd
+    theta, response, torque = predicted.theta, predicted.response, predicted.torque
     J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
-    response = J * by.log
+    gain = J * response.torque_log
     slope = np.empty((theta.size, c.omega.size), dtype=complex)
-    np.multiply(response * rho, contact_slope, out=slope[:OF_CONTACT])
-    slope[LAG] += response * c.per_ms * c.acceleration
-    slope[RATIO] = torque - response * by.lag * c.acceleration
+    np.multiply(gain * rho, contact_slope, out=slope[:OF_CONTACT])
+    slope[LAG] += gain * c.per_ms * c.acceleration
+    slope[RATIO] = torque - gain * response.lag * c.acceleration
     slope[INERTIA] = torque
     slope[DELAY] = -c.per_ms * torque
-    slope[LOSS] = response * rho * by_loss
+    slope[LOSS] = gain * rho * loss_slope
     slope[FILTER] = slope[DELAY] / (1 + theta[FILTER] * c.per_ms)
-    slope -= (torque - c.torque) / sd * _sd_slopes(theta, c, by, sd)
-    slope /= sd
+    slope -= (torque - c.torque) / predicted.sd * _sd_slopes(predicted, c)
+    slope /= predicted.sd
     return slope.view(float).T
 
 
-def _sd_slopes(theta: FloatArray, c: Comparison, by: Responses, sd: FloatArray) -> FloatArray:
+def _sd_slopes(predicted: Prediction, c: Comparison) -> FloatArray:
     """Slopes of the torque's SDs by the unknowns, shape (unknowns, harmonics): the speed's noise goes with them."""
-    half_damper = 0.5j * by.spring.imag
-    by_spring = by.carried * (1 / by.spring - 1 / (by.spring - c.omega**2)) / (1 + by.carried)
+    theta, response, sd = predicted.theta, predicted.response, predicted.sd
+    spring, carried = response.spring, response.carried
+    half_damper = 0.5j * spring.imag
+    spring_slope = carried * (1 / spring - 1 / (spring - c.omega**2)) / (1 + carried)
     slope = np.zeros((theta.size, c.omega.size))  # of the noise's logarithm
-    slope[STIFFNESS] = (by_spring * (by.spring - half_damper)).real
-    slope[DAMPING] = 2 * (by_spring * half_damper).real
-    slope[LAG] = (c.per_ms / by.lag).real
-    slope[RATIO] = (by.carried / (1 + by.carried)).real
+    slope[STIFFNESS] = (spring_slope * (spring - half_damper)).real
+    slope[DAMPING] = 2 * (spring_slope * half_damper).real
+    slope[LAG] = (c.per_ms / response.lag).real
+    slope[RATIO] = (carried / (1 + carried)).real
     slope[INERTIA] = 1.0
     slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
     slope *= (sd**2 - c.own_variance) / sd

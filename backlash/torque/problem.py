@@ -127,7 +127,7 @@ class Problem(NamedTuple):
         """By how many SDs chi squared exceeds what noise leaves."""
         return float((chi2 - self.size) / np.sqrt(2 * self.size))
 
-    def prior_distances(self, theta: FloatArray) -> FloatArray:
+    def prior_residuals(self, theta: FloatArray) -> FloatArray:
         """Distances from what is known beforehand over their SDs, as they are above zero."""
         distance = (theta - self.prior.mean) / self.prior.sd
         distance[SOFT] = np.hypot(distance[SOFT], wind_up_share(theta)[0] / _SOFT_SD)
@@ -167,9 +167,9 @@ def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:
     spring = 1e3 * math.exp(min(gravity - stiffness, 50.0))
     soft = (1 - part) * e
     whole = spring + max(soft, 0.0)
-    slope, by_soft = np.zeros(theta.size), spring / whole**2
-    slope[SOFT], slope[SHARE] = (1 - part) * by_soft, -e * by_soft
-    slope[STIFFNESS], slope[GRAVITY] = soft * by_soft, -soft * by_soft
+    slope, soft_slope = np.zeros(theta.size), spring / whole**2
+    slope[SOFT], slope[SHARE] = (1 - part) * soft_slope, -e * soft_slope
+    slope[STIFFNESS], slope[GRAVITY] = soft * soft_slope, -soft * soft_slope
     return soft / whole, slope
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import Prediction, jacobian, predict, residuals
+from backlash.torque.load import Prediction, differentiate, predict, torque_residuals
 from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
 from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
 from backlash.turns import TURN
@@ -29,7 +29,7 @@ class SearchSettings:
     first_starts: int = 16
     usual_misfit: float = 1.6
     finalists: tuple[int, int] = (5, 20)
-    most_off: float = 3.5
+    most_prior_residual: float = 3.5
     # Beside the best: steps of 6 % of the backlash and 0.02 mrad, of ln K, and whether a soft part comes or goes, which
     # is a minimum of its own.
     neighbours: tuple[tuple[float, float, bool], ...] = (
@@ -99,7 +99,7 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
         best_ends = distinct(rough_ends, s.rough_same)[:finalists]
         ends += descend_each(problem, best_ends, s.tolerance)
         best = descend_beside(problem, ends)
-        is_near = np.abs(problem.prior_distances(best.theta)).max() < s.most_off
+        is_near = np.abs(problem.prior_residuals(best.theta)).max() < s.most_prior_residual
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
             break
     # An end that fits nearly as well may lie in the best one's valley: all of these go on to their minimum.
@@ -138,9 +138,9 @@ def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = Non
     predicted = predict(theta, problem.compared, start)
     if predicted is None:
         return Candidate(theta, np.inf)
-    left = residuals(predicted, problem.compared)
-    chi2 = float(left @ left) + prior_chi_squared(theta, problem.prior)
-    return Candidate(theta, chi2, predicted, left)
+    residuals = torque_residuals(predicted, problem.compared)
+    chi2 = float(residuals @ residuals) + prior_chi_squared(theta, problem.prior)
+    return Candidate(theta, chi2, predicted, residuals)
 
 
 def descend_each(problem: Problem, begins: list[Candidate], tolerance: float) -> list[Candidate]:
@@ -185,11 +185,11 @@ def move(candidate: Candidate, steps: float, stiffer: float, is_soft_changed: bo
 
 def distinct(candidates: list[Candidate], same: float) -> list[Candidate]:
     """The best first, each but once; `same` is in first steps."""
-    kept: list[Candidate] = []
+    chosen: list[Candidate] = []
     for candidate in sorted(candidates, key=_chi2):
-        if all(np.abs((candidate.theta - each.theta) / FIRST_STEP).max() > same for each in kept):
-            kept.append(candidate)
-    return kept
+        if all(np.abs((candidate.theta - each.theta) / FIRST_STEP).max() > same for each in chosen):
+            chosen.append(candidate)
+    return chosen
 
 
 # --------------------------------------------------------------------------------------------------------- a descent
@@ -205,7 +205,7 @@ class _Slopes(NamedTuple):
 
 
 def _differentiate(problem: Problem, here: Candidate) -> _Slopes:
-    slopes, start_slopes = jacobian(here.orbit, problem.compared)
+    slopes, start_slopes = differentiate(here.orbit, problem.compared)
     return _Slopes(slopes, start_slopes, slopes.T @ slopes, -(slopes.T @ here.residuals))
 
 

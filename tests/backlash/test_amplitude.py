@@ -10,17 +10,17 @@ TURN = {"turn_period_s": 0.4}
 
 
 def test_without_a_torque_the_answer_is_the_paper_s_index_never_a_backlash():
-    found = backlash.estimate(table(noisy()), **TURN)
-    assert (found.verdict, found.reason) == ("cannot tell", Reason.NO_TORQUE.value)
-    assert "log the torque" in found.explanation
-    assert found.backlash_rad is None
-    low, high = found.amplitude_interval_rps
-    assert low < found.amplitude_rps < high
+    estimate = backlash.estimate(table(noisy()), **TURN)
+    assert (estimate.verdict, estimate.reason) == ("cannot tell", Reason.NO_TORQUE.value)
+    assert "log the torque" in estimate.explanation
+    assert estimate.backlash_rad is None
+    low, high = estimate.amplitude_interval_rps
+    assert low < estimate.amplitude_rps < high
     larger = backlash.estimate(table(noisy(1.5e-3)), **TURN)
-    assert larger.amplitude_rps > 1.2 * found.amplitude_rps
+    assert larger.amplitude_rps > 1.2 * estimate.amplitude_rps
 
 
 def test_a_turn_that_is_given_a_little_wrong_is_corrected_with_a_note():
-    found = backlash.estimate(table(noisy()), turn_period_s=0.4008)
-    assert found.turn_period_s == pytest.approx(0.4, rel=5e-4)
-    assert any("used that" in note for note in found.notes)
+    estimate = backlash.estimate(table(noisy()), turn_period_s=0.4008)
+    assert estimate.turn_period_s == pytest.approx(0.4, rel=5e-4)
+    assert any("used that" in note for note in estimate.notes)

@@ -118,11 +118,11 @@ def test_samples_are_put_back_on_their_grid_and_only_holes_are_filled(kind):
     t = np.arange(3200) / rate
     rng = np.random.default_rng(1)
     v = 100 + np.sin(5 * t) + rng.normal(0, 0.1, t.size)
-    kept = np.delete(np.arange(t.size), lost)
-    log = opened(stamps(t, rng.uniform(0, 0.8, t.size))[kept], v[kept])
+    sampled = np.delete(np.arange(t.size), lost)
+    log = opened(stamps(t, rng.uniform(0, 0.8, t.size))[sampled], v[sampled])
     assert log.recording.t[1] == pytest.approx(1 / rate, rel=1e-5)
     assert log.recording.t.size == t.size
-    np.testing.assert_allclose(log.recording.v[kept], v[kept], rtol=1e-12)
+    np.testing.assert_allclose(log.recording.v[sampled], v[sampled], rtol=1e-12)
     assert note in " ".join(log.notes)
 
 

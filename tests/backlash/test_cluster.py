@@ -103,8 +103,8 @@ def test_on_two_workers_of_which_one_dies_the_rows_are_those_made_alone(
 def test_a_job_array_of_which_one_is_killed_and_started_again_has_the_rows_made_alone(plant):
     job = ["sh", "-c", lines_of("part.sh"), "part.sh"]
     killed = subprocess.Popen([*job, "1", "2"], start_new_session=True)
-    kept = plant / "part-1.parquet.kept"
-    while killed.poll() is None and not (kept.exists() and kept.read_text().count("\n") >= 2):
+    journal = plant / "part-1.parquet.kept"
+    while killed.poll() is None and not (journal.exists() and journal.read_text().count("\n") >= 2):
         time.sleep(0.05)
     os.killpg(killed.pid, 9)
     assert killed.wait() != 0

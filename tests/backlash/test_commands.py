@@ -19,8 +19,8 @@ def log(tmp_path):
 
 
 def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, monkeypatch, capsys):
-    found = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
-    examine = Mock(return_value=found)
+    estimate = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
+    examine = Mock(return_value=estimate)
     monkeypatch.setattr(estimates, "examine", examine)
     load = "--torque 3 --gear-ratio 100 --motor-inertia 1e-4 --load-mass 20 --load-arm 0.4"
     assert command("estimate", log, load, "--json --from 1 --inertia-sd 0.2") == 0
@@ -34,8 +34,8 @@ def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, m
 
 
 def test_a_line_of_json_has_the_name_of_its_joint_and_its_quantities(log, monkeypatch, capsys):
-    found = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
-    monkeypatch.setattr(estimates, "examine", Mock(return_value=found))
+    estimate = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
+    monkeypatch.setattr(estimates, "examine", Mock(return_value=estimate))
     table = file(log.parent, f"file,joint\n{log.name},A4\n", "plant.csv")
     assert command("estimate --jsonl --jobs 1", SPEED, "--batch", table) == 0
     answer = json.loads(capsys.readouterr().out)
@@ -100,9 +100,9 @@ def test_an_input_is_never_overwritten(log, capsys):
 def test_a_defect_and_an_interruption_are_one_line(log, error, status, words, monkeypatch, capsys):
     monkeypatch.setattr(estimates, "examine", Mock(side_effect=error))
     assert command("estimate", log, SPEED) == status
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+    error_line = capsys.readouterr().err
+    assert words in error_line
+    assert error_line.count("\n") == 1
 
 
 def test_help_says_which_movement_and_which_side(capsys):

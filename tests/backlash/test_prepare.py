@@ -111,5 +111,5 @@ def test_a_torque_that_is_missing_for_some_rows_is_filled_and_that_is_noted():
 
 @pytest.mark.parametrize("limits", [(-9.0, 4.2), (3.2, 9.0)])
 def test_a_clipped_torque_is_named(limits):
-    said = refusal(with_torque(np.clip(TORQUE, *limits)), replace(TURN, torque="I"))
-    assert "the torque is clipped at" in said
+    sentence = refusal(with_torque(np.clip(TORQUE, *limits)), replace(TURN, torque="I"))
+    assert "the torque is clipped at" in sentence

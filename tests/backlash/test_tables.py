@@ -142,9 +142,9 @@ def test_a_log_is_read_however_it_is_written(kind, tmp_path):
 def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path):
     content, why = REFUSED[kind]
     path = file(tmp_path, content, "log")
-    said = refusal(path)
-    assert said.startswith(str(path))
-    assert why in said
+    sentence = refusal(path)
+    assert sentence.startswith(str(path))
+    assert why in sentence
 
 
 def test_a_table_without_names_is_read_by_number(tmp_path):
@@ -231,9 +231,9 @@ def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypat
 @pytest.fixture
 def lying_parquet() -> bytes:
     """A table of 200,000 rows whose footer says that there are fewer."""
-    kept = BytesIO()
-    pd.DataFrame({"time": 0.0, "speed": 0.0, "file": "a"}, index=range(200_000)).to_parquet(kept)
-    content = bytearray(kept.getvalue())
+    buffer = BytesIO()
+    pd.DataFrame({"time": 0.0, "speed": 0.0, "file": "a"}, index=range(200_000)).to_parquet(buffer)
+    content = bytearray(buffer.getvalue())
     start = len(content) - 8 - int.from_bytes(content[-8:-4], "little")
     rows, fewer = b"\x80\xb5\x18", b"\xd4\x81\x00"  # zigzag varints: 200,000 and 106
     at = content.index(rows, start)

@@ -25,9 +25,9 @@ def answer(log: JointLog, **others) -> backlash.Estimate:
     return backlash.estimate(log.t, log.v, torque=log.torque, **given(log, **others))
 
 
-def is_covered(found: backlash.Estimate, delta: float) -> bool:
-    low, high = found.backlash_interval_rad or (np.inf, np.inf)
-    return found.verdict == "backlash" and low < delta < high
+def is_covered(estimate: backlash.Estimate, delta: float) -> bool:
+    low, high = estimate.backlash_interval_rad or (np.inf, np.inf)
+    return estimate.verdict == "backlash" and low < delta < high
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +54,9 @@ def test_the_answer_shows_what_it_rests_on(plain, answered):
     for words in ("gear efficiency 0.9", "as in the data sheet?", "chi squared", "stiffness"):
         assert words in text
     trace = answered.trace
-    left = trace.measured - trace.model
-    assert np.std(left) < 0.25 * np.std(trace.measured)
-    assert np.std(left) > 0  # the model is not the record's own mean
+    residual = trace.measured - trace.model
+    assert np.std(residual) < 0.25 * np.std(trace.measured)
+    assert np.std(residual) > 0  # the model is not the record's own mean
     assert trace.measured == pytest.approx(plain.torque)
     assert answered.to_dict()["joint"]["stiffness_per_s2"][1] > 0
 
@@ -90,9 +90,9 @@ UNKNOWN_BESIDE = {
 @pytest.mark.parametrize("name", UNKNOWN_BESIDE)
 def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
     fault, true = UNKNOWN_BESIDE[name]
-    found = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
-    assert is_covered(found, DELTA)
-    value, sd = found.joint[name]
+    estimate = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
+    assert is_covered(estimate, DELTA)
+    value, sd = estimate.joint[name]
     # The delay takes a part of the low-pass, and the share of the stiffness is not the model's.
     assert value == pytest.approx(true, rel=0.4)
     assert value > 3 * sd
@@ -100,12 +100,12 @@ def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
     log = draw_turns(np.random.default_rng((31, 4)), 0.0, 0.2, 0.1)
-    found = answer(log)
-    assert found.verdict == "no backlash"
-    assert found.backlash_interval_rad[1] < 5e-5
+    estimate = answer(log)
+    assert estimate.verdict == "no backlash"
+    assert estimate.backlash_interval_rad[1] < 5e-5
     side = log._replace(v=log.v / log.gear_ratio, gear_ratio=1.0)
-    found = answer(side)
-    assert (found.verdict, found.reason) == ("cannot tell", Reason.JOINTS_SIDE.value)
+    estimate = answer(side)
+    assert (estimate.verdict, estimate.reason) == ("cannot tell", Reason.JOINTS_SIDE.value)
 
 
 FAULTS = {
@@ -125,14 +125,14 @@ FAULTS = {
 @pytest.mark.parametrize("fault", FAULTS)
 def test_what_the_model_lacks_is_refused_for_its_reason(fault):
     has, reason = FAULTS[fault]
-    found = answer(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault=has))
-    assert (found.verdict, found.reason) == ("cannot tell", reason.value)
+    estimate = answer(draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault=has))
+    assert (estimate.verdict, estimate.reason) == ("cannot tell", reason.value)
 
 
 def test_a_clock_that_wanders_is_refused(plain):
     wander = 0.02 * np.sin(2 * np.pi * plain.t / (0.29 * plain.t[-1]))
-    found = answer(plain._replace(t=plain.t + wander))
-    assert (found.verdict, found.reason) == ("cannot tell", Reason.NOT_PERIODIC.value)
+    estimate = answer(plain._replace(t=plain.t + wander))
+    assert (estimate.verdict, estimate.reason) == ("cannot tell", Reason.NOT_PERIODIC.value)
 
 
 def test_a_late_torque_is_refused_by_its_delay():
@@ -141,15 +141,15 @@ def test_a_late_torque_is_refused_by_its_delay():
 
 
 def test_friction_and_losses_above_gravity_are_no_answer():
-    found = answer(draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15))
-    assert found.reason == Reason.NO_REVERSAL.value
+    estimate = answer(draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15))
+    assert estimate.reason == Reason.NO_REVERSAL.value
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_wrong_gear_ratio_is_refused_and_the_right_one_named(plain, factor):
-    found = answer(plain, gear_ratio=factor * plain.gear_ratio)
-    assert found.reason == Reason.WRONG_PERIOD.value
-    assert f"--gear-ratio {plain.gear_ratio:.0f}" in found.explanation
+    estimate = answer(plain, gear_ratio=factor * plain.gear_ratio)
+    assert estimate.reason == Reason.WRONG_PERIOD.value
+    assert f"--gear-ratio {plain.gear_ratio:.0f}" in estimate.explanation
 
 
 @pytest.mark.parametrize(
@@ -161,9 +161,9 @@ def test_a_wrong_gear_ratio_is_refused_and_the_right_one_named(plain, factor):
     ids=["wrong sign", "noise"],
 )
 def test_a_torque_without_gravity_is_refused_with_its_significance(plain, torque, words):
-    found = answer(plain._replace(torque=torque(plain.torque)), trust_period=True)
-    assert found.reason == Reason.NO_GRAVITY.value
-    assert words in found.explanation
+    estimate = answer(plain._replace(torque=torque(plain.torque)), trust_period=True)
+    assert estimate.reason == Reason.NO_GRAVITY.value
+    assert words in estimate.explanation
 
 
 @pytest.mark.parametrize(
@@ -188,17 +188,17 @@ def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain):
         "load_arm_m": plain.gravity_per_s2 * inertia / (60 * GRAVITY),
         "load_inertia_kgm2": inertia,
     }
-    known = {"gear_ratio": plain.gear_ratio, "unit": "rps", "torque": plain.torque}
+    load_given = {"gear_ratio": plain.gear_ratio, "unit": "rps", "torque": plain.torque}
     load = load_from_masses(plain.gear_ratio, **masses)
     ratios = (load.inertia_ratio, load.gravity_per_s2)
     assert ratios == pytest.approx((plain.inertia_ratio, plain.gravity_per_s2), rel=1e-12)
-    found = backlash.estimate(plain.t, plain.v, **known, **masses)
-    assert is_covered(found, DELTA)
-    assert any("N m" in note for note in found.notes)
+    estimate = backlash.estimate(plain.t, plain.v, **load_given, **masses)
+    assert is_covered(estimate, DELTA)
+    assert any("N m" in note for note in estimate.notes)
     with pytest.raises(backlash.Refusal, match="give --motor-inertia and --load-arm too"):
-        backlash.estimate(plain.t, plain.v, **known, load_mass_kg=20)
+        backlash.estimate(plain.t, plain.v, **load_given, load_mass_kg=20)
     with pytest.raises(backlash.Refusal, match="by its ratios or by its masses"):
-        backlash.estimate(plain.t, plain.v, **known, **masses, inertia_ratio=2)
+        backlash.estimate(plain.t, plain.v, **load_given, **masses, inertia_ratio=2)
 
 
 @pytest.mark.slow
@@ -214,19 +214,19 @@ def test_a_minimum_that_the_first_starts_miss_is_found_from_the_others():
 
 @pytest.mark.slow
 def test_three_of_four_joints_are_answered_and_no_answer_is_wrong():
-    told = []
+    outcomes = []
     for number in range(24):
         rng = np.random.default_rng((151, number))
         delta = 0.0 if number % 6 == 5 else float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3))))
         log = draw_turns(rng, delta, rng.uniform(0, 0.6), rng.uniform(0, 0.25))
         inertia, gravity = np.exp(rng.standard_normal(2) * (0.1, 0.05))
         load = {"inertia_ratio": inertia * log.inertia_ratio}
-        found = answer(log, **load, gravity_per_s2=gravity * log.gravity_per_s2)
-        assert found.verdict != ("backlash" if delta == 0 else "no backlash")
+        estimate = answer(log, **load, gravity_per_s2=gravity * log.gravity_per_s2)
+        assert estimate.verdict != ("backlash" if delta == 0 else "no backlash")
         if delta:
-            told.append((found.verdict == "backlash", is_covered(found, delta)))
-    answered, covered = np.sum(told, axis=0)
-    assert answered >= 0.75 * len(told)
+            outcomes.append((estimate.verdict == "backlash", is_covered(estimate, delta)))
+    answered, covered = np.sum(outcomes, axis=0)
+    assert answered >= 0.75 * len(outcomes)
     assert covered >= 0.9 * answered
 
 
@@ -245,13 +245,13 @@ def test_misfit_interval_and_quantities_of_a_known_joint_are_the_known_ones(plai
     s = SETTINGS
     made = state_problem(turn, load, s.model_error, s.most_harmonics, s.step_s)
     joint = [0.985, 10.71, -3.96, 0.01, 0.55, 0.18, 0.18, -2.025, 3.475, 0.57, 0.85, -0.897]
-    known = evaluate(made, np.array([*joint, 0.49, 0.1, 0.2]))
-    assert known.chi2 == pytest.approx(192.5141695, rel=1e-8)
-    covariance = rules._covariance(made, known)
-    interval, is_none = rules._pool_intervals(made, known, covariance, [], 1.0)
+    load_given = evaluate(made, np.array([*joint, 0.49, 0.1, 0.2]))
+    assert load_given.chi2 == pytest.approx(192.5141695, rel=1e-8)
+    covariance = rules._covariance(made, load_given)
+    interval, is_none = rules._pool_intervals(made, load_given, covariance, [], 1.0)
     assert interval == pytest.approx((8.753125426e-4, 1.0931009987e-3), rel=1e-8)
     assert not is_none
-    assert rules._quantities(known, covariance, [], 1.0, plain.gear_ratio) == {
+    assert rules._quantities(load_given, covariance, [], 1.0, plain.gear_ratio) == {
         name: pytest.approx(numbers, rel=1e-8)
         for name, numbers in {
             "stiffness_per_s2": (44523.715883, 7221.4506793),

@@ -50,14 +50,14 @@ def test_slopes_are_those_of_differences(problem, place):
     def residuals(theta):
         predicted = driven_load.predict(theta, made.compared)
         return np.append(
-            driven_load.residuals(predicted, made.compared),
+            driven_load.torque_residuals(predicted, made.compared),
             weigh_prior(theta, theta, made.prior)[0],
         )
 
     step = np.zeros(theta.size)
     step[place] = 1e-5
     expected = (residuals(theta + step) - residuals(theta - step)) / 2e-5
-    slopes, _ = driven_load.jacobian(driven_load.predict(theta, made.compared), made.compared)
+    slopes, _ = driven_load.differentiate(driven_load.predict(theta, made.compared), made.compared)
     both = np.append(slopes[:, place], weigh_prior(theta, theta, made.prior)[1][:, place])
     assert both == pytest.approx(expected, abs=1e-4 * np.abs(expected).max() + 1e-6)
 
@@ -65,7 +65,7 @@ def test_slopes_are_those_of_differences(problem, place):
 def test_the_orbits_start_moves_as_its_slopes_say(problem):
     made, theta = problem
     here = driven_load.predict(theta, made.compared)
-    _, slopes = driven_load.jacobian(here, made.compared)
+    _, slopes = driven_load.differentiate(here, made.compared)
     step = np.zeros(theta.size)
     step[:OF_CONTACT] = 1e-6
     ends = [driven_load.predict(theta + sign * step, made.compared).start for sign in (1, -1)]
@@ -88,14 +88,14 @@ def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
     assert (np.delete(held, DELTA) != np.delete(theta, DELTA)).all()
 
 
-@pytest.mark.parametrize(("cosine", "is_kept"), [(25.0, True), (-25.0, False)])
-def test_an_orbit_that_no_load_keeps_to_is_no_answer(cosine, is_kept):
+@pytest.mark.parametrize(("cosine", "is_stable"), [(25.0, True), (-25.0, False)])
+def test_an_orbit_that_no_load_keeps_to_is_no_answer(cosine, is_stable):
     """In a wide gap a load hangs or stands at rest; Newton's method finds both."""
     forcing, motion = np.zeros((3, 1000)), np.zeros((4, 1000))
     forcing[1] = cosine
     theta = some_unknowns(delta_mrad=100.0, drag=0.0)
     closed = driven_load._close_orbit(theta, 1e-3, motion, forcing, 0, np.zeros(2), np.zeros(1000))
-    assert closed == is_kept
+    assert closed == is_stable
 
 
 def torque_of(theta, compared, contact):
@@ -206,9 +206,11 @@ def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
     sd = np.sqrt(by_speed**2 + made.own_variance)
     np.testing.assert_allclose(driven_load.predict_torque(theta, made, contact)[1], sd, rtol=1e-9)
     predicted = SimpleNamespace(torque=torque, sd=sd)
-    left = (expected - np.array([2 - 1j, 0.1j])) / sd
+    residual = (expected - np.array([2 - 1j, 0.1j])) / sd
     np.testing.assert_allclose(
-        driven_load.residuals(predicted, made), np.ravel([left.real, left.imag], "F"), rtol=1e-9
+        driven_load.torque_residuals(predicted, made),
+        np.ravel([residual.real, residual.imag], "F"),
+        rtol=1e-9,
     )
 
 
@@ -231,9 +233,11 @@ def test_the_orbit_is_the_one_that_scipy_integrates():
         force = acceleration[i] + 0.8 * acceleration_by_lag[i] + 30 * (np.sin(q[i]) + 0.1)
         return y[1], force - 30 * np.cos(q[i]) * y[0] - contact(*y)
 
-    found = solve_ivp(rates, (0, 0.5), orbit.start, t_eval=(np.arange(steps) + 0.5) * h, max_step=h)
-    expected = [contact(*y) for y in found.y.T]
+    orbit_by_scipy = solve_ivp(
+        rates, (0, 0.5), orbit.start, t_eval=(np.arange(steps) + 0.5) * h, max_step=h
+    )
+    expected = [contact(*y) for y in orbit_by_scipy.y.T]
     size = np.abs(expected).max()
-    assert (np.abs(found.y[0]) < 1.5e-3).any()  # the teeth part
+    assert (np.abs(orbit_by_scipy.y[0]) < 1.5e-3).any()  # the teeth part
     assert np.sqrt(np.mean((orbit.contact - expected) ** 2)) < 0.01 * size
-    assert found.y[0, -1] == pytest.approx(orbit.start[0], abs=5e-5)
+    assert orbit_by_scipy.y[0, -1] == pytest.approx(orbit.start[0], abs=5e-5)

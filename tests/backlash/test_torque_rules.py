@@ -249,7 +249,7 @@ def test_a_soft_part_is_a_share_of_what_gravity_winds_up():
     share = soft / (soft + spring)
     assert weigh_prior(theta, theta, problem.prior)[0][-2] == pytest.approx(share / 0.2)
     own = 0.2 / problem.prior.sd[SOFT]
-    assert problem.prior_distances(theta)[SOFT] == pytest.approx(np.hypot(own, share / 0.2))
+    assert problem.prior_residuals(theta)[SOFT] == pytest.approx(np.hypot(own, share / 0.2))
 
 
 def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
@@ -281,9 +281,9 @@ def test_harmonics_up_to_100_hz_and_80_are_compared_but_for_the_motors_orders():
 
 
 def test_gravitys_line_must_be_ten_of_its_sds():
-    for noise, is_told in ((0.8, True), (100.0, False)):
+    for noise, is_detected in ((0.8, True), (100.0, False)):
         reason = refuses(measure_turn, *measured_record(0.4, noise=noise))
-        assert (reason is None) == is_told
+        assert (reason is None) == is_detected
     assert refuses(measure_turn, *measured_record(0.4, mean=-0.1)) == Reason.NO_GRAVITY
 
 
@@ -306,5 +306,5 @@ def test_candidates_beside_another_and_those_that_are_the_same():
     again = move(soft, 0.0, 0.0, True).theta
     assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
     near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
-    kept = [each.theta[DELTA] for each in distinct(near, 0.03)]
-    assert kept == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad
+    chosen = [each.theta[DELTA] for each in distinct(near, 0.03)]
+    assert chosen == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad

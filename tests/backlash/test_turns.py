@@ -51,13 +51,13 @@ def test_harmonics_are_exact_beside_a_drift(size, is_single):
     # The angle is 0 where the turns begin: a whole number of turns before the sample after the last.
     angle = TURN * (made.t - 4e-3 * size) / made.turn_period_s
     signal = 3.0 + 0.7 * np.cos(angle + 0.4) + 0.02 * np.cos(9 * angle - 1)
-    found = turns.harmonics(made, signal + (0 if is_single else 0.05) * made.t, 30.0)
-    np.testing.assert_array_equal(found.order, np.arange(1, 13))  # 30 Hz times 0.4013 s
-    np.testing.assert_allclose(found.omega, TURN / 0.4013 * found.order)
+    result = turns.harmonics(made, signal + (0 if is_single else 0.05) * made.t, 30.0)
+    np.testing.assert_array_equal(result.order, np.arange(1, 13))  # 30 Hz times 0.4013 s
+    np.testing.assert_allclose(result.omega, TURN / 0.4013 * result.order)
     expected = np.zeros(12, dtype=complex)
     expected[[0, 8]] = 0.35 * np.exp(0.4j), 0.01 * np.exp(-1j)
-    np.testing.assert_allclose(found.coefficient, expected, atol=2e-4)
-    assert (found.sd == 0).all() == is_single
+    np.testing.assert_allclose(result.coefficient, expected, atol=2e-4)
+    assert (result.sd == 0).all() == is_single
     fast = turns.harmonics(made, signal, 1e3).order
     assert fast[-1] == int(0.45 * 250 * 0.4013)
 
@@ -65,13 +65,13 @@ def test_harmonics_are_exact_beside_a_drift(size, is_single):
 def test_a_harmonic_s_noise_is_that_of_three_harmonics_to_either_side():
     made = record(12 * 100, 0.4)
     signal = np.random.default_rng(1).normal(size=1200)
-    found = turns.harmonics(made, signal, 100.0)
+    result = turns.harmonics(made, signal, 100.0)
     rows = signal[100:].reshape(11, 100)
     y = rows.ravel() - np.arange(1100) * (rows[-1].mean() - rows[0].mean()) / 1000
     power = np.abs(np.fft.fft(y - y.mean()) / 1100) ** 2 / 2
     for k in (4, 10):  # lines between harmonics, from k - 3 to k + 3
         beside = [line for line in range(11 * (k - 3), 11 * (k + 3)) if line % 11]
-        assert found.sd[k - 1] == pytest.approx(np.sqrt(power[beside].mean()), rel=1e-9)
+        assert result.sd[k - 1] == pytest.approx(np.sqrt(power[beside].mean()), rel=1e-9)
 
 
 def test_phases_and_waves_begin_where_the_settled_turns_do():
@@ -102,13 +102,13 @@ def test_the_period_is_that_of_gravity_s_line_if_there_is_one(ratio):
     assert turns.period_by_torque(made, torque) == pytest.approx(ratio * 0.4, rel=3e-4)
     # In noise the mean of twelve lines must be ten of its SDs.
     noise = np.random.default_rng(2).normal(size=1200)
-    for share, is_told in ((0.25, True), (0.15, False)):
-        found = turns.period_by_torque(made, share * torque + 0.45 * noise)
-        assert (found != 0.4) == is_told
+    for share, is_detected in ((0.25, True), (0.15, False)):
+        result = turns.period_by_torque(made, share * torque + 0.45 * noise)
+        assert (result != 0.4) == is_detected
 
 
 @pytest.mark.parametrize(
-    ("orders", "found"),
+    ("orders", "result"),
     [
         ({1.0: 1.0}, None),  # the turn's own
         ({2.0: 1.0}, 2.0),
@@ -123,12 +123,12 @@ def test_the_period_is_that_of_gravity_s_line_if_there_is_one(ratio):
         ({2.0: 1.0, 5.5: 0.95, 3.3: 0.4}, None),
     ],
 )
-def test_a_line_is_another_turn_s_if_it_is_more_than_the_torque_s_others(orders, found):
+def test_a_line_is_another_turn_s_if_it_is_more_than_the_torque_s_others(orders, result):
     made = record(1200, 0.4)
     angle = TURN * made.t / 0.4
     torque = sum(size * np.cos(order * angle) for order, size in orders.items())
     period = turns.dominant_period(made, 5 + torque)
-    assert period == (None if found is None else pytest.approx(0.4 / found, rel=0.02))
+    assert period == (None if result is None else pytest.approx(0.4 / result, rel=0.02))
 
 
 def test_the_period_with_the_most_energy_is_taken_if_it_has_5_per_cent_more():
@@ -140,11 +140,13 @@ def test_the_period_with_the_most_energy_is_taken_if_it_has_5_per_cent_more():
 
     grid = 0.005 * 0.4 / 40
     for period in (0.3985, 0.4012):
-        found = turns.period_by_energy(made, 7 + pulses(period))
-        assert found == pytest.approx(period, abs=0.6 * grid)
+        result = turns.period_by_energy(made, 7 + pulses(period))
+        assert result == pytest.approx(period, abs=0.6 * grid)
     long = record(12000, 0.4)
-    found = turns.period_by_energy(long, np.sin(TURN * long.t / 0.3987))  # the first harmonic alone
-    assert found == pytest.approx(0.3987, abs=0.6 * grid)
+    result = turns.period_by_energy(
+        long, np.sin(TURN * long.t / 0.3987)
+    )  # the first harmonic alone
+    assert result == pytest.approx(0.3987, abs=0.6 * grid)
     assert turns.period_by_energy(made, pulses(0.4002)) == 0.4  # a drift that costs less
     motor = np.sin(70 * TURN * made.t / 0.4015)  # above 60 Hz
     assert turns.period_by_energy(made, pulses(0.4) + motor) == 0.4

@@ -175,8 +175,8 @@ def test_points_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_
     options = LogOptions(gear_ratio=40.0, torque="Moment")
     assert "may be 6" in refusal(path, options)
     mixed = [f"{2 * k};6000;{'1.024' if k % 3 else '987'}" for k in range(2401)]
-    said = refusal(file(tmp_path, GERMAN + "\n".join(mixed)), options)
-    assert "Moment: '1.024' beside '987' is 1024 by its mark of thousands" in said
+    sentence = refusal(file(tmp_path, GERMAN + "\n".join(mixed)), options)
+    assert "Moment: '1.024' beside '987' is 1024 by its mark of thousands" in sentence
 
 
 def averaged(window: int) -> np.ndarray:
