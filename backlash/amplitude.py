@@ -34,7 +34,7 @@ def measure_amplitude(recording: Recording) -> Amplitude | None:
     if np.ptp(mean) == 0:
         return None
     t = np.arange(_REPEATED * phases) * period / phases
-    repeated = Recording(t, np.tile(mean, _REPEATED), *_movement(recording))
+    repeated = replace(recording, t=t, v=np.tile(mean, _REPEATED))
     timing = Timing(period / 2, period, _REPEATED)
     settings = replace(NOTEBOOK, timing=timing, longest_window_s=_LONGEST_WINDOW * period)
     fit = best_fit(repeated, settings)
@@ -49,7 +49,3 @@ def measure_amplitude(recording: Recording) -> Amplitude | None:
     covariance = fit.rmse**2 * np.linalg.pinv(np.array(slopes) @ np.array(slopes).T)
     model = np.interp(turn_phases(recording), places, h(turn, X, timing), period=1.0)
     return Amplitude(fit.amplitude_rps, float(1.96 * np.sqrt(covariance[0, 0])), model)
-
-
-def _movement(recording: Recording) -> tuple[float, float, str]:
-    return recording.commanded_speed_rps, recording.turn_period_s, recording.source

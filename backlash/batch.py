@@ -91,9 +91,8 @@ def run_batch(
     for number, answer in tqdm(each, total=len(calls), unit="log", disable=None, leave=False):
         yield number, answer
         if journal:
-            row = {name: value for name, value in vars(answer).items() if name != "trace"}
             with journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"key": keys[number], **row}) + "\n")
+                file.write(json.dumps({"key": keys[number], **answer.without_trace()}) + "\n")
 
 
 def _key(log: object, request: Request | Refusal) -> str:

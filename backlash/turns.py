@@ -24,7 +24,7 @@ _OCTAVES = 3  # a wrong gear ratio is off by less than eight
 # Amplitude over that of gravity's line; other lines of a torque are smaller than gravity's.
 _DOMINATES = 3.0
 LEAST_GRAVITY = 10.0  # in SDs of its line, once a turn, in the torque
-_GRAVITYS_SHARE = 0.5  # of the torque's variance; in benches it is above 0.8
+_GRAVITYS_SHARE = 0.5  # of the torque's variance; a joint that turns round has more
 _COMPARED_LINES = 6  # of odd and even turns
 _PHASES = 512
 _RING_HZ = 60.0  # no joint rings faster

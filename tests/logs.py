@@ -2,6 +2,7 @@
 
 import shlex
 import zipfile
+from contextlib import nullcontext
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -53,6 +54,11 @@ def file(folder: Path, content: str | bytes, name: str = "log.csv") -> Path:
 def write(recording: Recording, path: Path) -> Path:
     """Write a log with a header; returns its path."""
     return file(path.parent, text(row="{t:.6f},{v:.6f}", record=recording), path.name)
+
+
+def refused_for(words: str | None):
+    """A context in which something is refused with these words, or, of None, nothing is."""
+    return pytest.raises(Refusal, match=words) if words else nullcontext()
 
 
 def rewritten(path, change: dict[str, bytes]):

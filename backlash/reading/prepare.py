@@ -130,7 +130,7 @@ def merge_repeated(samples: Samples) -> Samples:
         raise Refusal(
             f"its time stamp repeats the one before with other values ({others.sum()} such rows); "
             "drop doubled rows, and export stamps with all their digits",
-            row=samples.rows[1 + others.argmax()],
+            row=int(samples.rows[1 + others.argmax()]),
         )
     if goes_on.all():
         return samples

@@ -29,8 +29,7 @@ class Suspect(NamedTuple):
 
     def refusal(self, used: NDArray[np.bool_] | slice = slice(None)) -> Refusal:
         """Why a log cannot be used that has some of them."""
-        row = int(self.rows[used][0]) if len(self.rows) else None
-        return Refusal(self.what.format(count=self.t[used].size), row=row)
+        return Refusal(self.what.format(count=self.t[used].size), row=int(self.rows[used][0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class Samples:
 
     t: FloatArray
     signals: FloatArray  # shape (signals, samples)
-    rows: pd.Index  # of the file, as far as samples are those of rows
+    rows: pd.Index  # of the file; none where samples are no longer those of rows
     options: LogOptions
     columns: Columns
     notes: tuple[str, ...] = ()
@@ -60,14 +59,9 @@ class Samples:
         names = ("position" if self.columns.is_position else "speed", "torque")
         return zip(names, self.signals, strict=False)
 
-    def row(self, k: int) -> int | None:
-        """The file's row of a sample."""
-        return int(self.rows[k]) if len(self.rows) == self.t.size else None
-
     def suspecting(self, name: str, chosen: NDArray[np.int64], what: str) -> "Samples":
         """The same samples with some of them suspected in the signal of a name."""
-        rows = self.rows[chosen] if len(self.rows) == self.t.size else self.rows[:0]
-        suspect = Suspect(self.t[chosen], rows, what, name != "torque")
+        suspect = Suspect(self.t[chosen], self.rows[chosen], what, name != "torque")
         return replace(self, suspects=(*self.suspects, suspect))
 
     def noting(self, *notes: str) -> "Samples":
@@ -76,8 +70,8 @@ class Samples:
 
     def at(self, chosen: slice | NDArray[np.bool_]) -> "Samples":
         """A part of the samples."""
-        rows = self.rows[chosen] if len(self.rows) == self.t.size else self.rows
-        return replace(self, t=self.t[chosen], signals=self.signals[:, chosen], rows=rows)
+        t, signals, rows = self.t[chosen], self.signals[:, chosen], self.rows[chosen]
+        return replace(self, t=t, signals=signals, rows=rows)
 
     def moved(self, t: FloatArray, signals: FloatArray) -> "Samples":
         """Other samples of the same log, which are those of no row."""

@@ -7,7 +7,6 @@ import numpy as np
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque.load import differentiate
-from backlash.torque.problem import SETTINGS as COMPARED
 from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
 from backlash.torque.search import Candidate, hold_delta, search
 from backlash.torque.unknowns import (
@@ -41,31 +40,26 @@ NORMAL_95 = 1.96  # half width over SD of a 95 % interval
 
 @dataclass(frozen=True)
 class AnswerLimits:
-    """Errors beyond the noise, and what is refused, each with its reason.
+    """Errors beyond the noise, and what is refused, each with its reason; "joints" are simulated ones."""
 
-    "Benches" are the joints of `studies.simulated_joints`, of other seeds than the datasheet's.
-    """
-
-    # Errors beyond what noise explains: on 20 benches of a seed of their own the errors' SD was 0.55 of that with 0.07.
+    # Errors of the model beyond noise: with this share the stated SD exceeds that of the errors on joints.
     method_error: float = 0.05
     # Of the soft part, which bends rather than breaks.
     soft_error: float = 0.03
-    # Of benches without soft teeth fits have a soft part of 0.11 mrad (RMS of 87).
+    # Joints without soft teeth are fitted with a soft part of about this size.
     least_soft_sd_mrad: float = 0.1
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
-    # SDs of what is known beforehand; of 60 benches' right fits none was 3.1 off.
-    most_prior_residual: float = 3.5
+    most_prior_residual: float = 3.5  # right fits of joints stay below
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
-    most_change: float = 0.03  # of gravity by turns: a backlash off by as much is covered
-    # Odd against even turns over gravity, and the times of gravity's line: of 100 simulated joints at most 0.14 % and
-    # 0.26 ms; with another axis at 0.5 or 1.5 times the turn, of 2 % of gravity, 1.3 % or more, and with a clock that
-    # wanders by 3 ms 1.6 ms or more.
+    most_change: float = 0.03  # of gravity by turns: a backlash that errs by as much is covered
+    # Odd against even turns over gravity, and the times of gravity's line: joints stay below a quarter of these limits.
+    # Another axis of 2 % of gravity at 0.5 or 1.5 times the turn, and a clock that wanders by 3 ms, exceed them.
     most_odd_against_even: float = 0.006
     most_scatter_s: float = 1e-3
-    # Acceleration of a line over gravity's: of 130 benches' joints 0.05 at most, but for one whose drive hums; with a
-    # gear's error of 0.5 mrad a hundred times a turn 0.09 or more, if it is sampled at all.
+    # Acceleration of a line over gravity's: joints stay below half of it, unless the drive hums; a gear's error of
+    # 0.5 mrad a hundred times a turn reaches about as much, if it is sampled at all.
     most_ripple: float = 0.1
     # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
     clear: float = 25.0
@@ -102,10 +96,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     turn = measure_turn(recording, torque)
     _check_movement(recording, torque, turn, load)
     refuse_averaged(recording, torque)
-    c = COMPARED
-    rough = state_problem(turn, load, c.search_model_error, c.search_harmonics, 2 * c.step_s)
-    problem = state_problem(turn, load, c.model_error, c.most_harmonics, c.step_s)
-    best, *others = search(problem, rough)
+    problem = state_problem(turn, load)
+    best, *others = search(problem, state_problem(turn, load, is_rough=True))
     # Of chi squared, where the model leaves more than noise.
     scale = max(best.chi2 / problem.size, 1.0)
     covariance = scale * _covariance(problem, best)

@@ -173,10 +173,15 @@ def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:
     return soft / whole, slope
 
 
-def state_problem(
-    turn: MeasuredTurn, load: LoadData, model_error: float, harmonics: int, step_s: float
-) -> Problem:
-    """Priors by the table of unknowns, by the load's data and, of phase and inertia, by the first harmonic."""
+def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) -> Problem:
+    """Priors by the table of unknowns, by the load's data and, of phase and inertia, by the first harmonic.
+
+    A rough one has few harmonics, of which the model may err by more, and longer steps.
+    """
+    c = SETTINGS
+    harmonics = c.search_harmonics if is_rough else c.most_harmonics
+    model_error = c.search_model_error if is_rough else c.model_error
+    step_s = (1 + is_rough) * c.step_s
     g, rho = load.gravity_per_s2, load.inertia_ratio
     first = turn.torque.coefficient[0]
     inertial = (1 + rho) * 1j * turn.speed.omega[0] * turn.speed.coefficient[0]
@@ -189,7 +194,7 @@ def state_problem(
     mean[GRAVITY], sd[GRAVITY] = np.log(g), load.gravity_sd + 1e-3
     mean[RATIO], sd[RATIO] = np.log(rho), load.inertia_sd + 1e-3
     used = turn.used & (turn.speed.order <= harmonics)
-    smoothing = SETTINGS.loss_smoothing * g
+    smoothing = c.loss_smoothing * g
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
     prior = Prior(mean, sd, np.where(np.isnan(below), sd, below), turn.friction)
     return Problem(compared, prior)

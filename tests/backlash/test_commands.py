@@ -18,24 +18,28 @@ def log(tmp_path):
     return write(noisy(), tmp_path / "log_2024-03-17.csv")
 
 
-def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, monkeypatch, capsys):
-    estimate = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
-    examine = Mock(return_value=estimate)
-    monkeypatch.setattr(estimates, "examine", examine)
+@pytest.fixture
+def examine(monkeypatch) -> Mock:
+    """An answer in place of one by the log's content."""
+    loss = {"loss": (0.1, 0.02)}
+    mock = Mock(return_value=Estimate("log", "backlash", backlash_rad=1e-3, joint=loss))
+    monkeypatch.setattr(estimates, "examine", mock)
+    return mock
+
+
+def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, examine, capsys):
     load = "--torque 3 --gear-ratio 100 --motor-inertia 1e-4 --load-mass 20 --load-arm 0.4"
     assert command("estimate", log, load, "--json --from 1 --inertia-sd 0.2") == 0
-    settings = examine.call_args.args[1]
-    assert (settings.options.torque, settings.options.start_s) == ("3", 1.0)
-    assert settings.load.inertia_ratio == pytest.approx(3.2)
-    assert settings.load.inertia_sd == 0.2
+    request = examine.call_args.args[1]
+    assert (request.options.torque, request.options.start_s) == ("3", 1.0)
+    assert request.load.inertia_ratio == pytest.approx(3.2)
+    assert request.load.inertia_sd == 0.2
     [answer] = json.loads(capsys.readouterr().out)
     assert answer["joint"]["loss"] == [0.1, 0.02]
     assert answer["total_play_rad"] == 2e-3
 
 
-def test_a_line_of_json_has_the_name_of_its_joint_and_its_quantities(log, monkeypatch, capsys):
-    estimate = Estimate("log", "backlash", backlash_rad=1e-3, joint={"loss": (0.1, 0.02)})
-    monkeypatch.setattr(estimates, "examine", Mock(return_value=estimate))
+def test_a_line_of_json_has_the_name_of_its_joint_and_its_quantities(log, examine, capsys):
     table = file(log.parent, f"file,joint\n{log.name},A4\n", "plant.csv")
     assert command("estimate --jsonl --jobs 1", SPEED, "--batch", table) == 0
     answer = json.loads(capsys.readouterr().out)

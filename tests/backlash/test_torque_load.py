@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from backlash import turns
 from backlash.load_data import LoadData
 from backlash.torque import load as driven_load
-from backlash.torque.problem import SETTINGS, measure_turn, state_problem, weigh_prior
+from backlash.torque.problem import measure_turn, state_problem, weigh_prior
 from backlash.torque.search import evaluate, hold_delta
 from backlash.torque.unknowns import (
     DELAY,
@@ -32,11 +32,11 @@ def problem():
     """What is compared of a drawn joint, and unknowns near it."""
     log = draw_turns(np.random.default_rng(4), 9e-4, 0.2, 0.1)
     record = Recording(
-        log.t, log.v, float(log.v.mean()), log.gear_ratio / float(log.v.mean()), "bench"
+        log.t, log.v, float(log.v.mean()), log.gear_ratio / float(log.v.mean()), "made"
     )
     turn = measure_turn(record, log.torque)
     given = LoadData(log.inertia_ratio, log.gravity_per_s2)
-    made = state_problem(turn, given, SETTINGS.model_error, 40, SETTINGS.step_s)
+    made = state_problem(turn, given)
     theta = made.prior.mean.copy()
     theta[[DELTA, FRICTION, LOSS, DRAG]] = 0.9, 0.2, 0.1, 0.3
     theta[[SOFT, FILTER, DELAY]] = 0.2, 2.0, 0.5

@@ -8,10 +8,9 @@ import pytest
 
 from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
-from backlash.refusals import Refusal
 from backlash.torque.answer import refuse_averaged
 from replication.records import Recording
-from tests.logs import TURN, file, noisy, refusal
+from tests.logs import TURN, file, noisy, refusal, refused_for
 
 T, V = noisy().t, noisy().v
 RNG = np.random.default_rng(3)
@@ -21,8 +20,7 @@ K = np.arange(T.size)
 
 
 def frame(v=V, torque=TORQUE, t=T) -> pd.DataFrame:
-    made = pd.DataFrame({"time": t, "speed [rps]": v, "torque": torque})
-    return made
+    return pd.DataFrame({"time": t, "speed [rps]": v, "torque": torque})
 
 
 def changed(signal, at, to):
@@ -186,12 +184,8 @@ def averaged(window: int) -> np.ndarray:
 
 @pytest.mark.parametrize(("window", "is_refused"), [(1, False), (3, False), (7, True), (13, True)])
 def test_a_running_mean_of_the_torque_is_refused_and_a_short_one_is_not(window, is_refused):
-    recording = Recording(T, V, 100.0, 0.4, "log")
-    if not is_refused:
-        refuse_averaged(recording, averaged(window))
-        return
-    with pytest.raises(Refusal, match=f"a running mean over {2 * window} ms"):
-        refuse_averaged(recording, averaged(window))
+    with refused_for(f"a running mean over {2 * window} ms" if is_refused else None):
+        refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), averaged(window))
 
 
 def test_a_low_passed_torque_is_no_running_mean():
