@@ -70,8 +70,8 @@ class Samples:
 
     def at(self, chosen: slice | NDArray[np.bool_]) -> "Samples":
         """A part of the samples."""
-        t, signals, rows = self.t[chosen], self.signals[:, chosen], self.rows[chosen]
-        return replace(self, t=t, signals=signals, rows=rows)
+        signals = self.signals[:, chosen]
+        return replace(self, t=self.t[chosen], signals=signals, rows=self.rows[chosen])
 
     def moved(self, t: FloatArray, signals: FloatArray) -> "Samples":
         """Other samples of the same log, which are those of no row."""

@@ -135,7 +135,7 @@ LACKING = {
         Reason.NO_FIT,
         "an error of the gear",
     ),
-    "a clock that wanders": (wandering, Reason.NOT_PERIODIC, "clock wander"),
+    "a clock that wanders": (wandering, Reason.NOT_PERIODIC, "from turn to turn"),
     "a late torque": (lambda log: drawn_with(late_torque_s=0.01), Reason.NO_FIT, "ms too late"),
     "friction and losses above gravity": (
         lambda log: draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15),
