@@ -52,7 +52,8 @@ lines = {
 misses = 1e3 * np.abs(in_rpm - delta).max()
 workbook.show(
     figures.curves(lines, "theoretical $A$ [rps]", figures.BACKLASH_LABEL),
-    f"In rps it gives {1e3 * in_rps.min():.3f} to {1e3 * in_rps.max():.3f} mrad at all ten "
+    f"In rps it gives {1e3 * in_rps.min():.3f} to {1e3 * in_rps.max():.3f} mrad "
+    "at all ten "
     f"points; in rpm it misses none by more than {misses:.3f} mrad. The equation "
     "takes rpm ([erratum E1](../results/report.md#errata)), so the coefficient of "
     "$A^k$ is in rad/rpm$^k$.",
@@ -234,7 +235,8 @@ if agreeing == 4:
         "come back, so only a fit to the printed, rounded amplitudes explains them"
     )
 workbook.say(
-    f"{'Yes, in ' + ', '.join(shaken) if shaken else 'No'}. The printed digits {met}."
+    f"{'Yes, in ' + ', '.join(shaken) if shaken else 'No'}. The printed digits "
+    f"{met}."
 )
 
 # %% [markdown]

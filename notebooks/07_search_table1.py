@@ -100,9 +100,11 @@ where, times = "into the right one", end_omega / best.X.omega
 half_period = np.pi / best.X.omega
 if abs(away) > half_period / 2 or not 0.8 < times < 1.25:
     where = (
-        f"into a wrong one, {1e3 * away:+.0f} ms from the best start, at {times:.2f} "
+        f"into a wrong one, {1e3 * away:+.0f} ms from the best start, at "
+        f"{times:.2f} "
         "times its frequency. A model that is some half periods "
-        f"({1e3 * half_period:.0f} ms each) late swings with the log again: so there "
+        f"({1e3 * half_period:.0f} ms each) late swings with the log again: so "
+        "there "
         f"are many valleys, and {len(last.members)} members, drawn over the whole "
         "box, easily miss the deepest"
     )
@@ -279,7 +281,8 @@ if len(astray) and times >= 0.99:
     at_edge = edges < 0.01 * (searched.upper - searched.lower)
     names = ", ".join(np.array(Parameters._fields)[at_edge])
     place = f"with {names} at the edge of the box" if names else "inside the box"
-    why = f" {'The best of the others' if found.any() else 'It'} ends {place}, at {nearest['RMSE']:.4f} rps"
+    which = "The best of the others" if found.any() else "It"
+    why = f" {which} ends {place}, at {nearest['RMSE']:.4f} rps"
     if nearest["generations"] >= iterations:
         why += ", before it has settled."
     elif optimiser == "CMA-ES":

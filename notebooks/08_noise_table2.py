@@ -112,8 +112,8 @@ if len(inside) > 1:
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),
-    f"{answer}: of the runs on row {shown_row}, R = {min(public)}, {len(inside)} of "
-    f"{len(shown)} end at the global minimum{others}. The SD of all $A$ is "
+    f"{answer}: of the runs on row {shown_row}, R = {min(public)}, {len(inside)} "
+    f"of {len(shown)} end at the global minimum{others}. The SD of all $A$ is "
     f"{shown['A_rps'].abs().std():.4f} rps, printed {printed_sd:g}.",
 )
 

@@ -44,6 +44,7 @@ def test_data_in_a_wrong_place_end_in_one_line_that_names_the_variable(value, mo
     assert "BACKLASH_DATA" in line
 
 
+@pytest.mark.slow
 def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     """Nor on a place that can be written, nor on a console with Unicode."""
     log = write(noisy(), tmp_path / "Ünïcode 'n' $HOME.csv")

@@ -58,6 +58,8 @@ log_turns = 12  # of each log
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.check_parameters(
     globals(),
+    my_log=(my_log,),  # reading it says what is wrong with it
+    my_settings=(my_settings,),
     bench_seed=range(0, 10**6),
     backlash_mrad=(0, 5),
     friction_share=(0, 2),

@@ -289,7 +289,8 @@ summary.round(4)
 logs = len({*levels}) * len({*realisations})
 mean, bound = summary["mean error"], summary["bound"]
 workbook.say(
-    f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.2g} µrad; {mean.idxmax()} errs most, "
+    f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.2g} µrad; "
+    f"{mean.idxmax()} errs most, "
     f"{1e3 * mean.max():.2g} µrad. An amplitude is one number of the waveform. "
     "Knowing the joint lowers the bound "
     f"{bound['joint unknown'] / bound['joint known']:.1f} times; the fit of the "

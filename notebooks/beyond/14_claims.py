@@ -139,7 +139,8 @@ why = ""
 if change_percent < -5:
     why = ", because one window of the signature no longer meets its ring"
 workbook.say(
-    f"$A$ {moves}: with {100 * share:.2g} % of gravity by {change_percent:+.0f} %{why}."
+    f"$A$ {moves}: with {100 * share:.2g} % of gravity by "
+    f"{change_percent:+.0f} %{why}."
 )
 
 # %% [markdown]
@@ -175,8 +176,9 @@ usual = success.loc[success["rate"] > 0.5, "method"]
 of_kind = success.groupby("kind")[["found", "runs"]].sum()
 classical, prepared = of_kind.loc["classical"], of_kind.loc["prepared"]
 workbook.say(
-    f"More often than not: {'; '.join(usual) or 'none'}. Used straightforwardly, the "
-    f"classical methods find it in {classical['found']} of {classical['runs']} runs, "
+    f"More often than not: {'; '.join(usual) or 'none'}. Used straightforwardly, "
+    f"the classical methods find it in {classical['found']} of "
+    f"{classical['runs']} runs, "
     f"prepared in {prepared['found']} of {prepared['runs']}."
 )
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from replication import bench, table2
+from replication.files import write_kept
 from replication.records import Recording, add_noise, constant_speed
 from replication.signature import Box, Parameters, h, rmse
 
@@ -134,7 +135,7 @@ def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
     assert len(table) == 1620
     # Where a row has fewer, so many of each are read of its protocol.
     lacks = (table["row"] == 3) & (table["protocol"] == table2.NOTEBOOK.protocol)
-    table[~lacks | (table["realisation"] < 11)].to_csv(path, index=False)
+    write_kept(path, table[~lacks | (table["realisation"] < 11)])
     most = table2.read_realisations(path).groupby("protocol")["realisation"].max()
     assert most.pop(table2.NOTEBOOK.protocol) == 10
     assert (most == 11).all()

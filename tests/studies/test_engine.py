@@ -34,6 +34,7 @@ def test_the_engine_gives_the_paper_s_joint_to_the_first_order_in_its_step(kept,
     assert fine == pytest.approx(twins.loc[2.5e-5, "nrmse"], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("population", [engine.TURNS, engine.HEALTHY])
 def test_the_sensor_is_right_on_a_log_of_the_engine_and_the_kept_row_is_made_again(
     population, kept, mujoco
@@ -50,6 +51,7 @@ def test_the_sensor_is_right_on_a_log_of_the_engine_and_the_kept_row_is_made_aga
         assert made[name] == pytest.approx(row[name], rel=1e-2)
 
 
+@pytest.mark.slow
 def test_the_log_of_a_swinging_arm_is_refused_the_refusal_asks_for_the_arm_and_the_index_is_kept(
     kept, mujoco
 ):

@@ -15,7 +15,8 @@ from studies.kept import KEPT, TIMED
 from workbook.outcomes import listed_exports, notebook_sources
 
 RESULTS = ROOT / "results"
-TABLES = [pytest.param(name, marks=[] if name == "engine" else pytest.mark.data) for name in KEPT]
+MARKS = {"engine": pytest.mark.slow}  # the others need files
+TABLES = [pytest.param(name, marks=MARKS.get(name, pytest.mark.data)) for name in KEPT]
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}
 OF_REPORT = {"verdicts", "claims"}

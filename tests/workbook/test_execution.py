@@ -46,6 +46,7 @@ def small(folder):
     return folder / "notebooks" / "small.py"
 
 
+@pytest.mark.slow
 def test_a_run_leaves_the_same_bytes_each_time_whatever_a_users_settings(
     project, tmp_path, monkeypatch
 ):
@@ -84,6 +85,7 @@ results.mkdir()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "says"),
     [
@@ -121,6 +123,7 @@ def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
     assert made_in(folder) == edited
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("newer", ["small.py", "small.ipynb"])
 def test_the_advice_takes_the_edits_over_whichever_file_is_newer(project, newer, monkeypatch):
     folder = project(small='# %% tags=["parameters"]\nrepeats = 30\n')
@@ -197,6 +200,7 @@ def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
     assert not list(folder.rglob("*.tmp"))
 
 
+@pytest.mark.slow
 def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(project):
     folder = project(small=GOOD)
     old = folder / ".make" / "small.staging"
@@ -214,6 +218,7 @@ def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(projec
     assert not old.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_says_one_line_and_leaves_no_kernel(project, tmp_path, ending):
     pids = tmp_path / "pids.txt"
@@ -241,6 +246,7 @@ if os.environ["BACKLASH_RECORDS"] not in {}: raise DataUnavailable("Speeddata3.x
 """
 
 
+@pytest.mark.slow
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_or_not_at_all(project):
     folder = project(small=NEEDS.format(["simulated"]))
     assert "on our simulated records" in execution.run(small(folder))
@@ -317,7 +323,7 @@ def start_make(folder):
     for made in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.ran"):
         (folder / made).touch()
     os.utime(folder / ".make" / "report.ran", (2**32, 2**32))  # the report is our own project's
-    command = ["make", "all", "PACKAGES=", "BEYOND=", f"PY={sys.executable}"]
+    command = ["make", "all", "PACKAGES=", "BEYOND=", "READERS=", f"PY={sys.executable}"]
     command += [f"STAMPS={' '.join(f'.make/{name}.ran' for name in names)}"]
     return subprocess.Popen(command, cwd=folder, env=without_data(), stderr=subprocess.DEVNULL)
 

@@ -108,6 +108,7 @@ def test_what_is_promised_is_looked_for_in_the_locked_version_with_all_that_it_n
     assert install.re.fullmatch(lacks, found)
 
 
+@pytest.mark.slow
 def test_an_installer_that_ends_well_and_installs_nothing_sets_no_stamp(folder):
     (folder / "bin").mkdir()
     for name in ("uv", "pip"):

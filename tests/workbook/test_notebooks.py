@@ -1,5 +1,6 @@
 """What every notebook has: checked parameters, and an executed copy of the same cells."""
 
+import ast
 import re
 
 import jupytext
@@ -15,12 +16,18 @@ def tags(cell):
     return set(cell.metadata.get("tags", []))
 
 
+def is_check(node):
+    """Whether a piece of code calls `workbook.check_parameters`."""
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "workbook.check_parameters"
+
+
 @pytest.mark.parametrize("name", SOURCES)
 def test_a_notebook_has_one_parameters_cell_and_the_next_checks_every_parameter(name):
     code = [cell for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
     (position,) = [k for k, cell in enumerate(code) if "parameters" in tags(cell)]
     assigned = re.findall(r"^(\w+) = ", code[position].source, re.MULTILINE)
-    assert set(assigned) <= set(re.findall(r"\b(\w+)=\(", code[position + 1].source))
+    calls = [each for each in ast.walk(ast.parse(code[position + 1].source)) if is_check(each)]
+    assert set(assigned) <= {keyword.arg for each in calls for keyword in each.keywords}
 
 
 @pytest.mark.parametrize("name", SOURCES)
