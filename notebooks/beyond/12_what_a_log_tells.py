@@ -167,9 +167,9 @@ def residual(z, c, noise, by_encoder):
 
 
 def slopes(z, *log):
-    moved = np.diag(STEPS[: len(z)])
-    differences = [residual(z + h, *log) - residual(z - h, *log) for h in moved]
-    return np.array(differences).T / (2 * STEPS[: len(z)])
+    here, moved = residual(z, *log), np.diag(STEPS[: len(z)])
+    differences = [residual(z + h, *log) - here for h in moved]
+    return np.array(differences).T / STEPS[: len(z)]
 
 
 # The phase at which the paper's joint correlates best.
