@@ -297,6 +297,7 @@ twins = twins.sort_values("step_s")
 engine_figure, axis = figures.panel(2.2)
 axis.plot(1e6 * twins["step_s"], 100 * twins["nrmse"], "o-", **figures.OURS)
 axis.set(xlabel="step of the engine [µs]", ylabel="NRMSE [%]")
+axis.set(xlim=(0, None), ylim=(0, None))
 finest, coarsest = twins.iloc[0], twins.iloc[-1]
 workbook.show_figure(
     "figure10_engine",

@@ -323,7 +323,14 @@ def start_make(folder):
     for made in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.ran"):
         (folder / made).touch()
     os.utime(folder / ".make" / "report.ran", (2**32, 2**32))  # the report is our own project's
-    command = ["make", "all", "PACKAGES=", "BEYOND=", "READERS=", f"PY={sys.executable}"]
+    command = [
+        "make",
+        "all",
+        "PACKAGES=",
+        "BEYOND=",
+        "READERS=",
+        f"PY={shlex.quote(sys.executable)}",
+    ]
     command += [f"STAMPS={' '.join(f'.make/{name}.ran' for name in names)}"]
     return subprocess.Popen(command, cwd=folder, env=without_data(), stderr=subprocess.DEVNULL)
 
