@@ -68,6 +68,16 @@ def pytest_collection_modifyitems(items):
                 item.add_marker(pytest.mark.skip(reason=reason))
 
 
+@pytest.fixture(autouse=True)
+def same_environment():
+    """Commands set variables of their own process; no test leaves them to the next one."""
+    before = dict(os.environ)
+    yield
+    if os.environ != before:
+        os.environ.clear()
+        os.environ.update(before)
+
+
 @pytest.fixture(scope="session")
 def authors_data():
     """Verify the authors' files; a test that needs them is marked `data`, and skipped without them."""
