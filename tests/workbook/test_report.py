@@ -195,7 +195,7 @@ def test_what_rejects_a_start_is_counted_in_its_sentence(facts):
     said = render_evidence(facts, "per table", means=few)
     assert "per table by none (too few tables) of 0 tests" in said
     said = render_evidence(facts, "per row", inside=[8.0, 9.0], above=4, excluded_by="no score")
-    assert "8 to 9 means lie in the intervals, 4 above our medians." in said
+    assert "8 to 9 means lie in the intervals, but 4 above our medians." in said
     assert "it is excluded, under all settings tried, by no score" in said
 
 
