@@ -210,8 +210,8 @@ workbook.show(
     figures.curves(lines, "time [s]", "$r$ [rps]", xlim=(T_f, 3 * T_f)),
     f"Not exactly: it is {largest:.3f} rps, the true $A$ (the settled peak without "
     f"noise, before sampling) {A_true:.3f} rps. Noise of up to {noise_rps:g} "
-    "rps and "
-    "the time between samples move a single sample, so we fit a model to all.",
+    "rps and the time between samples move a single sample, so we fit a model to "
+    "all.",
 )
 
 # %% [markdown]

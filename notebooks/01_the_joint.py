@@ -159,7 +159,7 @@ workbook.show_figure(
     figures.dead_zone(curves, delta),
     "(a) Stiffness of equation 8 and (b) torque of equation 9 by alpha [1/rad], "
     f"and the clamped dead zone, at delta = {backlash_mrad:g} mrad (dotted: its "
-    f"edges); (c) within the gap, the sharp edges alone. At "
+    "edges); (c) within the gap, the sharp edges alone. At "
     f"{softest:,.0f} per rad {100 * at_edge:.3g} % of K_s "
     "are left at the edge, where one of the arctangents is zero, and "
     f"{100 * in_middle:.3g} % in the middle, where they cancel only if alpha "

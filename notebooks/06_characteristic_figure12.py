@@ -53,8 +53,8 @@ misses = 1e3 * np.abs(in_rpm - delta).max()
 workbook.show(
     figures.curves(lines, "theoretical $A$ [rps]", figures.BACKLASH_LABEL),
     f"In rps it gives {1e3 * in_rps.min():.3f} to {1e3 * in_rps.max():.3f} mrad "
-    "at all ten "
-    f"points; in rpm it misses none by more than {misses:.3f} mrad. The equation "
+    "at all ten points; in rpm it misses none by more than "
+    f"{misses:.3f} mrad. The equation "
     "takes rpm ([erratum E1](../results/report.md#errata)), so the coefficient of "
     "$A^k$ is in rad/rpm$^k$.",
 )

@@ -101,12 +101,10 @@ half_period = np.pi / best.X.omega
 if abs(away) > half_period / 2 or not 0.8 < times < 1.25:
     where = (
         f"into a wrong one, {1e3 * away:+.0f} ms from the best start, at "
-        f"{times:.2f} "
-        "times its frequency. A model that is some half periods "
+        f"{times:.2f} times its frequency. A model that is some half periods "
         f"({1e3 * half_period:.0f} ms each) late swings with the log again: so "
-        "there "
-        f"are many valleys, and {len(last.members)} members, drawn over the whole "
-        "box, easily miss the deepest"
+        f"there are many valleys, and {len(last.members)} members, drawn over the "
+        "whole box, easily miss the deepest"
     )
 workbook.show_figure(
     "search_two_parameters",

@@ -298,9 +298,8 @@ workbook.verdict(
     f"Of {robots_each} robots of each kind the best threshold detects "
     f"{100 * best['d']:.0f} % with {100 * best['f']:.0f} % false alarms; area "
     f"under the curve by the largest coupling torque: {', '.join(of_areas)} of "
-    "gravity. One "
-    f"sinusoidal torque of {100 * shaking:.3g} % of gravity makes a joint without "
-    f"backlash look excessive at {mistaken.sum()} of {len(sweep)} frequencies.",
+    f"gravity. One sinusoidal torque of {100 * shaking:.3g} % of gravity makes a "
+    f"joint without backlash look excessive at {mistaken.sum()} of {len(sweep)} frequencies.",
     cells,
     claims,
     tables={"table3": table3, "table4": table4},

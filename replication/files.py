@@ -101,8 +101,10 @@ def _kept_rows(folder: Path) -> dict[str, int]:
     file = folder / KEPT_ROWS
     try:
         return dict(json.loads(file.read_text("utf-8"))) if file.exists() else {}
-    except ValueError as error:
-        raise UserError(f"{file}: no JSON ({error}); git checkout brings it back") from error
+    except (ValueError, TypeError) as error:
+        raise UserError(
+            f"{file}: no JSON of tables and their rows ({error}); git checkout brings it back"
+        ) from error
 
 
 def write_json(path: Path, content: dict) -> None:

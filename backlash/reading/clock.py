@@ -95,9 +95,8 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
     if share <= LIMITS.most_invented:
         return
     _, counts = np.unique(v, return_counts=True)
-    chance_repeats = (
-        np.sum((counts / t.size) ** 2) * t.size
-    )  # repetitions, if the values came in any order
+    # Repetitions, if the values came in any order.
+    chance_repeats = np.sum((counts / t.size) ** 2) * t.size
     if chance_repeats > LIMITS.least_values and not (np.diff(v) == 0).any():
         raise Refusal(
             f"its rows stand only where {samples.columns.signal} changed ({missing:,} are missing between, no value "

@@ -54,7 +54,7 @@ class AnswerLimits:
     most_prior_residual: float = 3.5  # right fits of joints stay below
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     most_change: float = 0.03  # of gravity by turns: a backlash that errs by as much is covered
-    # Odd against even turns over gravity, and the times of gravity's line: joints stay below a quarter of these limits.
+    # Odd against even turns over gravity, and the times of gravity's line: joints stay below a third of these limits.
     # Another axis of 2 % of gravity at 0.5 or 1.5 times the turn, and a clock that wanders by 3 ms, exceed them.
     most_odd_against_even: float = 0.006
     most_scatter_s: float = 1e-3

@@ -221,7 +221,8 @@ def _close_orbit(theta, h, motion, forcing, settling_turns, start, contact):
     before, rate = np.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
     for turn in range(settling_turns + _MOST_TURNS):
         end[0], end[1] = start[0], start[1]
-        jacobian[:] = np.eye(2)
+        # As np.eye(2) has them, which takes a second to compile.
+        jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1] = 1.0, 0.0, 0.0, 1.0
         _simulate_turn(theta, h, motion, forcing, 1.0, end, jacobian, contact, unused)
         xx, xv, vx, vv = jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1]
         miss_x, miss_v = end[0] - start[0], end[1] - start[1]

@@ -228,9 +228,8 @@ def descend(
         return here
     slopes = _differentiate(problem, here)
     damping, growth, trials = 1e-3, 2.0, 0
-    while (
-        trials < SETTINGS.most_trials and np.isfinite(slopes.normal).all()
-    ):  # else two orbits part
+    # Where two orbits part slopes are not finite.
+    while trials < SETTINGS.most_trials and np.isfinite(slopes.normal).all():
         step = _find_step(problem, here.theta, slopes, damping, holds_delta)
         length = math.sqrt(float(step * _PER_STEP_2 @ step))
         if trials == 0 and length > 1:

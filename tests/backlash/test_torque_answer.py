@@ -1,5 +1,9 @@
 """The backlash by the motor's torque, on joints and drives that the sensor's model does not share code with."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -9,6 +13,8 @@ from backlash.load_data import LoadData, load_from_masses
 from backlash.torque import answer as rules
 from backlash.torque.problem import measure_turn, state_problem
 from backlash.torque.search import evaluate
+from replication import has_avx2, pinned_environment
+from replication.files import ROOT
 from replication.joint import GRAVITY
 from replication.records import Recording
 from studies.simulated_joints import Fault, JointLog, draw_turns
@@ -30,9 +36,13 @@ def is_covered(estimate: backlash.Estimate, delta: float) -> bool:
     return estimate.verdict == "backlash" and low < delta < high
 
 
+def draw_plain() -> JointLog:
+    return draw_turns(np.random.default_rng((31, 0)), DELTA, 0.15, 0.1)
+
+
 @pytest.fixture(scope="module")
 def plain() -> JointLog:
-    return draw_turns(np.random.default_rng((31, 0)), DELTA, 0.15, 0.1)
+    return draw_plain()
 
 
 @pytest.fixture(scope="module")
@@ -184,25 +194,34 @@ def test_a_load_that_cannot_be_is_refused(plain, wrong):
         answer(plain, **wrong)
 
 
-def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain):
-    inertia = 1e-4 * plain.inertia_ratio * plain.gear_ratio**2
-    masses = {
+def masses_of(log: JointLog) -> dict:
+    """The load's data of a log, with a motor of 1e-4 kg m^2 and a load of 60 kg."""
+    inertia = 1e-4 * log.inertia_ratio * log.gear_ratio**2
+    return {
         "motor_inertia_kgm2": 1e-4,
         "load_mass_kg": 60,
-        "load_arm_m": plain.gravity_per_s2 * inertia / (60 * GRAVITY),
+        "load_arm_m": log.gravity_per_s2 * inertia / (60 * GRAVITY),
         "load_inertia_kgm2": inertia,
     }
-    load_given = {"gear_ratio": plain.gear_ratio, "unit": "rps", "torque": plain.torque}
-    load = load_from_masses(plain.gear_ratio, **masses)
+
+
+def answer_by_masses(log: JointLog, **others) -> backlash.Estimate:
+    measured = {"unit": "rps", "torque": log.torque, "gear_ratio": log.gear_ratio}
+    return backlash.estimate(log.t, log.v, **measured, **masses_of(log), **others)
+
+
+def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain):
+    load = load_from_masses(plain.gear_ratio, **masses_of(plain))
     ratios = (load.inertia_ratio, load.gravity_per_s2)
     assert ratios == pytest.approx((plain.inertia_ratio, plain.gravity_per_s2), rel=1e-12)
-    estimate = backlash.estimate(plain.t, plain.v, **load_given, **masses)
+    estimate = answer_by_masses(plain)
     assert is_covered(estimate, DELTA)
     assert any("N m" in note for note in estimate.notes)
+    known = {"unit": "rps", "torque": plain.torque, "gear_ratio": plain.gear_ratio}
     with pytest.raises(backlash.Refusal, match="give --motor-inertia and --load-arm too"):
-        backlash.estimate(plain.t, plain.v, **load_given, load_mass_kg=20)
+        backlash.estimate(plain.t, plain.v, **known, load_mass_kg=20)
     with pytest.raises(backlash.Refusal, match="by its ratios or by its masses"):
-        backlash.estimate(plain.t, plain.v, **load_given, **masses, inertia_ratio=2)
+        answer_by_masses(plain, inertia_ratio=2)
 
 
 def answer_as_given(rng, delta: float, friction: float, loss: float) -> backlash.Estimate:
@@ -245,6 +264,29 @@ def test_the_answer_of_a_known_log_is_the_known_one(answered):
     """On one path in four a kernel misses the best minimum, by 2 of a chi squared of 187 and 1 % of the backlash."""
     assert answered.backlash_rad == pytest.approx(9.85419e-4, rel=1e-2)
     assert 1.16879 < answered.chi_squared < 1.16880 + 2.5 / 160
+
+
+ANSWER_EACH = """
+from tests.backlash.test_torque_answer import answer, answer_by_masses, draw_plain
+log = draw_plain()
+scaled = log._replace(torque=37 * log.torque)
+for estimate in (answer(log), answer(scaled), answer_by_masses(log)):
+    print(estimate.backlash_rad, estimate.chi_squared, estimate.joint["motor_inertia"][0])
+"""
+
+
+@pytest.mark.skipif(not has_avx2(), reason="needs AVX2, for which the command chooses its kernels")
+def test_under_the_commands_kernels_the_known_answer_is_so_to_1e_5_in_any_unit_or_by_masses():
+    command = [sys.executable, "-c", ANSWER_EACH]
+    pinned = os.environ | pinned_environment()
+    ended = subprocess.run(
+        command, cwd=ROOT, env=pinned, stdout=subprocess.PIPE, text=True, check=True
+    )
+    plain, scaled, by_masses = np.array(ended.stdout.split(), dtype=float).reshape(3, 3)
+    assert plain[:2] == pytest.approx((9.85419e-4, 1.168793929), rel=1e-5)
+    assert plain[1] == pytest.approx(1.168793929, rel=1e-7)
+    assert scaled / (1, 1, 37) == pytest.approx(plain, rel=1e-3)
+    assert by_masses[0] == pytest.approx(plain[0], rel=0.01)
 
 
 def test_misfit_interval_and_quantities_of_a_known_joint_are_the_known_ones(plain):

@@ -66,9 +66,10 @@ def test_a_kept_table_that_is_cut_is_refused(tmp_path):
     check_kept(file, pd.read_csv(file))
     with pytest.raises(UserError, match=r"one\.csv: 2 of 3 rows"):
         check_kept(file, pd.read_csv(file, nrows=2))
-    (tmp_path / KEPT_ROWS).write_text("{")
-    with pytest.raises(UserError, match="no JSON"):
-        check_kept(file, pd.read_csv(file))
+    for damaged in ("{", "[1]"):
+        (tmp_path / KEPT_ROWS).write_text(damaged)
+        with pytest.raises(UserError, match="no JSON"):
+            check_kept(file, pd.read_csv(file))
 
 
 @pytest.mark.parametrize("name", TABLES)
