@@ -299,7 +299,8 @@ workbook.verdict(
     f"{100 * best['d']:.0f} % with {100 * best['f']:.0f} % false alarms; area "
     f"under the curve by the largest coupling torque: {', '.join(of_areas)} of "
     f"gravity. One sinusoidal torque of {100 * shaking:.3g} % of gravity makes a "
-    f"joint without backlash look excessive at {mistaken.sum()} of {len(sweep)} frequencies.",
+    "joint without backlash look excessive at "
+    f"{mistaken.sum()} of {len(sweep)} frequencies.",
     cells,
     claims,
     tables={"table3": table3, "table4": table4},
