@@ -34,28 +34,26 @@ record = load_clean(12)
 turn = slice(200, 401)  # the second one
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-figure, axis = figures.panel(2.4)
 t_turn, r_turn = record.t[turn], record.v[turn] - 100
-axis.plot(t_turn, r_turn, **figures.FIT)
-axis.set(xlabel="time [s]", ylabel="$v - 100$ [rps]")
-first, second = np.abs(r_turn[:200]).reshape(2, 100).argmax(axis=1)
-second += 100
+lines = {record.source: (t_turn, r_turn, figures.FIT)}
+largest = np.abs(r_turn[:200]).reshape(2, 100).argmax(axis=1) + np.array([0, 100])
 workbook.show(
-    figure,
-    f"Seven: the largest excursions, {r_turn[first]:+.2f} and "
-    f"{r_turn[second]:+.2f} rps, come {t_turn[second] - t_turn[first]:.3f} s "
-    f"apart with {'opposite' if r_turn[first] * r_turn[second] < 0 else 'equal'} "
-    "signs, so one oscillation and the level of the speed describe both. An "
-    "oscillation has a height, a decay, a frequency, a start, and two ends.",
+    figures.curves(lines, "time [s]", "$v - 100$ [rps]"),
+    f"Seven: the largest excursions, {r_turn[largest[0]]:+.2f} and "
+    f"{r_turn[largest[1]]:+.2f} rps, come {np.ptp(t_turn[largest]):.3f} s apart, "
+    "so one oscillation, then with the other sign, and the level of the speed "
+    "describe both. An oscillation has a height, a decay, a frequency, a start, "
+    "and two ends.",
 )
 
 # %% [markdown]
 # ## Method
 #
 # Time $t$ and all instants are in s, the disturbance $d_b$ of the motor speed in rps. An
-# oscillation starts at the instant $t_0$. It has the amplitude factor $A$ [rps], the damping $\tau$
-# [1/s] and the angular frequency $\omega$ [rad/s], and is seen through a
-# [gate](glossary.md#gate), which opens $T_1$ [s] and closes $T_2$ [s] after $t_0$:
+# oscillation starts at the instant $t_0$. It has the amplitude factor $A$ [rps], the height of its
+# envelope where the gate opens, the damping $\tau$ [1/s] and the angular frequency $\omega$ [rad/s],
+# and is seen through a [gate](glossary.md#gate), which opens $T_1$ [s] and closes $T_2$ [s] after
+# $t_0$:
 #
 # $$d_b(t - t_0) = \begin{cases} A\,e^{-(t - (t_0 + T_1))\tau} \sin\omega(t - t_0) & t_0 + T_1 \le t \le t_0 + T_2 \\
 # 0 & \text{else} \end{cases} \tag{5}$$
@@ -95,15 +93,17 @@ seeds = 3  # searches of each fit
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 with workbook.explain("more_bounds", more_bounds):
-    your_names = [*more_bounds]
+    fields = [*Parameters._fields, *more_bounds]
+    Yours = namedtuple("Yours", fields, defaults=[0] * len(more_bounds))
 workbook.check_parameters(
     globals(),
     run=range(1, 31),
     turns=range(1, 13),
     cost=("RMSE", "L1", callable),
-    more_bounds={key: [(-np.inf, np.inf)] for key in your_names},
+    more_bounds={name: [(-np.inf, np.inf)] for name in more_bounds},
     seeds=range(2, 31),
 )
+workbook.check_bounds("more_bounds", more_bounds)
 
 
 def rmse(residual):
@@ -116,11 +116,6 @@ with workbook.explain("cost", getattr(cost, "__name__", cost)):
     one, *twice = (float(criterion(np.full(9, size))) for size in (1.0, 2.0, -2.0))
     if not 0 <= one < min(twice):
         raise ValueError("it should return a number that grows with the residual")
-with workbook.explain("more_bounds", more_bounds):
-    if any(len(pair) != 2 or pair[0] >= pair[1] for pair in more_bounds.values()):
-        raise ValueError("each parameter needs a lower and a higher bound")
-    fields = [*Parameters._fields, *your_names]
-    Yours = namedtuple("Yours", fields, defaults=[0] * len(your_names))
 
 # %% [markdown]
 # ## Result
@@ -133,7 +128,7 @@ with workbook.explain("more_bounds", more_bounds):
 
 
 # %%
-def d_b(t, X, start):  # equation 5
+def d_b(t, X, start):  # equation 5, with `start` in place of t_0
     since = t - start
     gate = (since >= X.T1) & (since <= X.T2)
     return gate * X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since)
@@ -186,8 +181,6 @@ def residual_signal(X, n=12):  # equation 11, less the signature
 residual = residual_signal(X)
 at = record.t[np.abs(residual).argmax()]
 settled = np.abs(residual[200:])
-start = "in the first turn, whose start-up transient is in no signature"
-place = start if at < 0.4 else "in a settled turn"
 workbook.show_figure(
     "figure05_record12_with_signature",
     figures.record_with_fit(
@@ -198,8 +191,9 @@ workbook.show_figure(
         seconds=1.6,
     ),
     f"(a) Four turns of {record.source}, and the signature that stored run {run} "
-    f"fitted to record 12. (b) The residual: largest at {at:.3f} s, {place}. "
-    f"Settled it reaches {settled.max():.2f} rps, "
+    f"fitted to record 12. (b) The residual: largest at {at:.3f} s (the first "
+    "turn, up to 0.4 s, has a start-up transient that is in no signature). Settled "
+    f"it reaches {settled.max():.2f} rps, "
     f"{(record.t[200:][settled.argmax()] - X.t0) % 0.2:.3f} s after a start of an "
     "oscillation.",
 )
@@ -237,10 +231,11 @@ workbook.say(
 # %% [markdown]
 # ### A fit with your cost and your signature
 #
-# One settled turn of the record, on which two turns of the signature act. CMA-ES ([notebook
-# 7](07_search_table1.ipynb)) draws 300 members a generation in Table 1's box; a single search may
-# end in a wrong basin, so each row is the best of `seeds` searches. *Predict:* what remains for the
-# signature to miss? Once you change something, a second row is yours.
+# One settled turn of the record. The signature has two turns here, because an oscillation of the
+# turn before may last into it. CMA-ES ([notebook 7](07_search_table1.ipynb)) draws 300 members a
+# generation in Table 1's box; a single search may end in a wrong basin, so each row is the best of
+# `seeds` searches. *Predict:* what remains for the signature to miss? Once you change something, a
+# second row is yours.
 
 # %%
 t_fit, v_fit = record.t[200:400], record.v[200:400]
@@ -290,11 +285,10 @@ fits.rename(columns={"alike": f"searches of {seeds} that end there"})
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 usual, yours = rows["the paper's"], rows.get("yours", rows["the paper's"])
-share = 100 * usual["RMSE [rps]"] / v_fit.std()
 workbook.say(
-    f"The paper's signature leaves {usual['RMSE [rps]']:.4f} rps, {share:.0f} % of "
-    "the SD (standard deviation) of this turn, which has no noise: gravity bends "
-    "the speed slowly between the impacts, and no damped sine does."
+    f"The paper's signature leaves {100 * usual['RMSE [rps]'] / v_fit.std():.0f} % "
+    "of the SD (standard deviation) of this turn, which has no noise: gravity "
+    "bends the speed slowly between the impacts, and no damped sine does."
 )
 
 # %% [markdown]
@@ -316,7 +310,7 @@ if changed:
     text += (
         f" Yours leave {yours['RMSE [rps]']:.4f} rps, "
         f"{yours['RMSE [rps]'] / usual['RMSE [rps]']:.2f} times as much, with an "
-        f"$|A|$ that is {change_A + 0.0:+} % off."
+        f"$|A|$ that is {change_A + 0.0:+} % off the paper's."
     )
 if min(usual["alike"], yours["alike"]) < 2:
     text += (

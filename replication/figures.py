@@ -229,35 +229,34 @@ def record_with_fit(
 
 
 @in_style
-def dead_zone(curves: pd.DataFrame, delta_rad: float) -> Figure:
+def dead_zone(
+    x_rad: FloatArray, curves: Mapping[float, Sequence[FloatArray]], delta_rad: float
+) -> Figure:
     """Figure 9: stiffness and torque of equations 8 and 9 against the displacement, and the torque within the gap.
 
-    `curves` has `alpha_per_rad, delta_theta_rad, stiffness_nm_per_rad, torque_nm`; an infinite alpha is the clamped
-    dead zone. The last panel has the sharp edges alone, whose jump at zero the second one is too coarse for.
+    `curves` gives stiffness [N m/rad] and torque [N m] by alpha [1/rad]; an infinite one is the clamped dead zone.
+    The last panel has the sharp edges alone, whose jump at zero the second one is too coarse for.
     """
     figure, axes = grid(3, 1, height_in=6.4)
     stiffness, torque, inside = axes[:, 0]
-    curves = curves.reset_index(drop=True)
-    sharp = curves["alpha_per_rad"] > 0.99e5
-    for k, (alpha, curve) in enumerate(curves.groupby("alpha_per_rad", sort=False)):
+    x, in_gap, height, least = MRAD * x_rad, np.abs(x_rad) < 0.9 * delta_rad, 0.0, np.inf
+    for k, (alpha, (of_stiffness, of_torque)) in enumerate(curves.items()):
         line = {"linestyle": ("-", "--", "-.", ":")[k % 4], "linewidth": max(2.4 - 0.4 * k, 1.2)}
         line |= {"color": (SKY, ORANGE, BLUE, VERMILION)[k % 4]}
         label = f"$\\alpha = 10^{{{np.log10(alpha):.3g}}}$ rad$^{{-1}}$"
         if np.isinf(alpha):
             label, line = "clamped dead zone", THIN
-        x = MRAD * curve["delta_theta_rad"]
-        stiffness.plot(x, curve["stiffness_nm_per_rad"], label=label, **line)
-        torque.plot(x, curve["torque_nm"], **line)
-        if sharp[curve.index].all():
-            inside.plot(x, curve["torque_nm"], **line)
+        stiffness.plot(x, of_stiffness, label=label, **line)
+        torque.plot(x, of_torque, **line)
+        least = min(least, of_stiffness[of_stiffness > 0].min(initial=np.inf))
+        if alpha > 0.99e5:
+            inside.plot(x, of_torque, **line)
+            height = max(height, 1.3 * np.abs(of_torque[in_gap]).max())
     for axis in (stiffness, torque, inside):
         for edge in (-delta_rad, delta_rad):
             axis.axvline(MRAD * edge, **DOTTED)
-    positive = curves["stiffness_nm_per_rad"]
     stiffness.set(ylabel="stiffness $K_{\\mathrm{BL}}$ [N m/rad]", yscale="log")
-    stiffness.set_ylim(positive[positive > 0].min() / 3)
-    in_gap = curves["delta_theta_rad"].abs() < 0.9 * delta_rad
-    height = 1.3 * curves.loc[sharp & in_gap, "torque_nm"].abs().max()
+    stiffness.set_ylim(least / 3)
     torque.set(ylabel="torque $\\tau_l$ [N m]")
     inside.set(ylabel="torque $\\tau_l$ [N m]", title="within the gap")
     inside.set(xlabel="displacement $\\Delta\\theta$ [mrad]")
@@ -300,15 +299,19 @@ def simulated_joint(
 
 @in_style
 def growth(
-    disturbances: pd.DataFrame, peaks: pd.DataFrame, printed: Mapping[float, float]
+    disturbances: Mapping[float, Sequence[FloatArray]],
+    peaks: pd.DataFrame,
+    printed: Mapping[float, float],
 ) -> Figure:
-    """Figure 11: the disturbance at growing backlash, and its peak beside the printed A [rps] by backlash [rad]."""
+    """Figure 11: the disturbance at growing backlash, and its peak beside the printed A [rps] by backlash [rad].
+
+    `disturbances` gives times [s] and the disturbance [rps] by backlash [rad].
+    """
     figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.0)
-    largest = 1.1 * MRAD * disturbances["delta_rad"].max()
+    largest = 1.1 * MRAD * max(disturbances)
     shades = plt.cm.ScalarMappable(plt.Normalize(0, largest), "viridis")
-    for delta, part in disturbances.groupby("delta_rad"):
-        colour = shades.to_rgba(MRAD * delta)
-        upper.plot(part["time_s"], part["disturbance_rps"], color=colour, linewidth=0.9)
+    for delta, (time_s, r) in disturbances.items():
+        upper.plot(time_s, r, color=shades.to_rgba(np.array(MRAD * delta)), linewidth=0.9)
     upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]")
     figure.colorbar(shades, ax=upper, label=BACKLASH_LABEL)
     delta = MRAD * peaks["delta_rad"]
@@ -390,19 +393,19 @@ def _printed_and_ours(axis: Axes, rows: pd.DataFrame, of: str) -> None:
 
 
 @in_style
-def means_beside(rows: pd.DataFrame, known_label: str = "printed known $A$") -> Figure:
-    """Tables 3 and 4: printed mean and SD of A beside those of a stand-in.
+def means_beside(rows: pd.DataFrame) -> Figure:
+    """Table 3: printed mean and SD of A, and the known A, beside those of a stand-in.
 
-    `rows` has a row for each of the table, by its name: `mean, sd, mean_ours, sd_ours` [rps], and `known` where one is
-    printed.
+    `rows` has the columns of `bench.table3`, and names of its rows.
     """
     figure, axis = panel(3.0)
     at = np.arange(len(rows))
     style: Style = {"fmt": "s", "color": PINK, "label": "stand-in (simulated)"}
-    axis.errorbar(at - 0.1, rows["mean_ours"], rows["sd_ours"], **style)
-    axis.errorbar(at + 0.1, rows["mean"], rows["sd"], label="printed, not tested", **PRINTED)
-    if "known" in rows:
-        axis.plot(at + 0.25, rows["known"], "<", color=GREEN, mfc="none", label=known_label)
+    axis.errorbar(at - 0.1, rows["mean_A_rps"], rows["sd_A_rps"], **style)
+    printed = PRINTED | {"label": "printed, not tested"}
+    axis.errorbar(at + 0.1, rows["printed_mean"], rows["printed_sd"], **printed)
+    known: Style = {"color": GREEN, "mfc": "none", "label": "printed known $A$"}
+    axis.plot(at + 0.25, rows["printed_known"], "<", **known)
     axis.margins(y=0.1)
     axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
     axis.set_xticks(at, rows.index)

@@ -9,6 +9,7 @@ _MODULE_OF = {
     "Change": "teaching",
     "ParameterError": "parameters",
     "check_answer": "teaching",
+    "check_bounds": "parameters",
     "check_parameters": "parameters",
     "explain": "parameters",
     "flipbook": "animation",

@@ -73,6 +73,14 @@ def _check(name: str, value: Any, allowed: Any) -> None:
         raise ParameterError(f"{name} = {value!r}: it should be {words}")
 
 
+def check_bounds(name: str, bounds: Mapping[str, Sequence[float]]) -> None:
+    """Refuse a mapping in which a parameter has no lower and higher bound, in one line."""
+    for parameter, ends in bounds.items():
+        if len(ends) != 2 or ends[0] >= ends[1]:
+            wrong = f"{name}[{parameter!r}] = {ends!r}"
+            raise ParameterError(f"{wrong}: it should be a lower and a higher bound")
+
+
 @contextmanager
 def explain(name: str, value: object) -> Iterator[None]:
     """Say in one line which parameter a computation could not be done with."""

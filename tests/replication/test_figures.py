@@ -1,7 +1,6 @@
 import re
 
 import numpy as np
-import pandas as pd
 import pytest
 from matplotlib import pyplot as plt
 
@@ -48,11 +47,8 @@ def test_curves_have_their_names_styles_and_limits():
 
 
 def test_the_panel_within_the_gap_is_not_empty_where_all_edges_are_soft():
-    soft = {"alpha_per_rad": 1e3, "torque_nm": 1.0, "stiffness_nm_per_rad": 1.0}
-    clamped = soft | {"alpha_per_rad": np.inf, "torque_nm": 0.0}
-    displacements = {"delta_theta_rad": [-4e-4, 0.0, 4e-4]}
-    curves = pd.concat(pd.DataFrame(displacements | each) for each in (soft, clamped))
-    figure = figures.dead_zone(curves, delta_rad=5e-4)
+    curves = {1e3: (np.ones(3), np.ones(3)), np.inf: (np.ones(3), np.zeros(3))}
+    figure = figures.dead_zone(np.array([-4e-4, 0.0, 4e-4]), curves, delta_rad=5e-4)
     drawn = [line for line in figure.axes[2].lines if len(line.get_xdata()) == 3]
     assert [line.get_ydata().max() for line in drawn] == [0.0]
     plt.close(figure)

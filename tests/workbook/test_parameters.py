@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbook import ParameterError, check_parameters
+from workbook import ParameterError, check_bounds, check_parameters
 
 SEEDS = range(1, 1000)
 NAMES = {"tau": (0, np.inf), "omega": (0, np.inf)}
@@ -22,6 +22,13 @@ NAMES = {"tau": (0, np.inf), "omega": (0, np.inf)}
 )
 def test_what_is_allowed_passes(value, allowed):
     check_parameters({"name": value}, name=allowed)
+
+
+def test_a_parameter_without_a_lower_and_a_higher_bound_is_named():
+    check_bounds("box", {"tau": (0, 1)})
+    for ends in ((1,), (1, 1), (2, 1)):
+        with pytest.raises(ParameterError, match=r"^box\['tau'\] = .* a lower and a higher bound$"):
+            check_bounds("box", {"tau": ends})
 
 
 @pytest.mark.parametrize(
