@@ -83,17 +83,11 @@ chosen[["joint", "verdict", "reason"]]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 commonest = chosen["reason"].value_counts()
-answer = f"Nothing: all {len(chosen)} are answered."
-if len(commonest):
-    answer = (
-        f"Most often: {commonest.index[0]}, {commonest.iloc[0]} of {len(chosen)}."
-    )
-    if commonest.index[0] == "not constant speed":
-        answer += (
-            " Robots are logged while they work, and not while one joint turns "
-            "round at constant speed under gravity."
-        )
-workbook.say(answer)
+reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest.items())
+workbook.say(
+    f"The reasons: {reasons or 'none'}. Most robots are logged while they work, "
+    "and not while one joint turns round at constant speed under gravity."
+)
 
 # %% [markdown]
 # One of each reason, in full:
@@ -151,10 +145,9 @@ if lost:
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 refused = int((chosen["verdict"] == "cannot tell").sum())
-reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest.items())
 joints = chosen["joint"].nunique()
 workbook.verdict(
-    f"Of {len(chosen)} logs of {joints} joints the sensor answers "
+    f"Of {len(chosen)} logs (joints: {joints}) the sensor answers "
     f"{len(chosen) - refused} and refuses {refused} ({reasons}). A refusal is no "
     "evidence for the sensor or against it: a positive test needs a joint of known "
     "play, loaded by gravity, that turns round twelve times at constant speed, "

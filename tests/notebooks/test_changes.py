@@ -13,15 +13,19 @@ pytestmark = pytest.mark.slow
     ("name", "parameters"),
     [
         ("00", {"turn_period_s": 0.4013}),
+        ("01", {"changes": {"K_s/J_l": 10.0, "G/J_l": 3.0}}),
+        ("01", {"changes": {"G/J_l": 0.05}}),
         ("03", {"changes": {"K_p": 50.0}}),
         ("04", {"changes": {"N": 0.0}}),
         ("05", {"cost": max}),
         ("05", {"more_bounds": {"beat": (1.0,)}}),
+        ("05", {"more_bounds": {"A": (0.0, 1.0)}}),
         ("06", {"left_out": [1, 2, 3, 4, 5, 6]}),
         ("07", {"box": {"t0": (0.2, 0.1)}}),
         ("07", {"optimiser": lambda misfits, box, seed: None, "seeds": [1]}),
         ("08", {"runs_each": 1}),
         ("09", {"measure_mrad": 0.5}),
+        ("09", {"shaking": 1.0}),
         ("11", {"my_log": "no such file.csv"}),
         ("12", {"gain_factor": 10}),
         ("14", {"bits": [5]}),
@@ -42,6 +46,7 @@ def test_a_natural_mistake_ends_in_one_line_that_names_the_parameter(
     [
         ("00", {"backlash_mrad": 0.0, "runs": 1}),
         ("00", {"noise_rps": 0.0, "runs": 1}),
+        ("00", {"backlash_mrad": 2.1, "friction_share": 0.5, "populations": [10], "runs": 1}),
         ("01", {"alphas": [1.0], "backlash_mrad": 0.1}),
         ("03", {"changes": {"N": 2.0}, "alphas": [1e12], "start_factor": 1.0}),
         ("04", {"changes": {"G/J_l": 0.01}, "noise_rps": 10}),
@@ -49,6 +54,7 @@ def test_a_natural_mistake_ends_in_one_line_that_names_the_parameter(
         ("06", {"left_out": [1, 2, 3, 4, 5], "degree": 6}),
         ("07", {"population": 4, "iterations": 1, "seeds": [1]}),
         ("08", {"public": [1], "runs_each": 2, "population": 4}),
+        ("08", {"public": [1, 1], "runs_each": 2, "shown_row": 10}),
         (
             "09",
             {
@@ -69,7 +75,29 @@ def test_no_sentence_has_a_number_that_is_none_or_the_wrong_number_of_a_noun(
     run = run_to_promises(name, parameters)
     sentences = " ".join(run.said + run.verdicts)
     assert not re.search(r"\b(nan|inf|None)\b", sentences)
-    assert not re.search(r"\b1 (runs|turns|values|logs|records|searches)\b", sentences)
+    assert not re.search(
+        r"\b1 (runs|turns|values|logs|records|searches|generations|joints)\b", sentences
+    )
+    assert not re.search(r"(?<![\d.])([\d.]+) to \1(?![\d.]) ", sentences)
+
+
+def test_one_joint_is_not_called_joints(run_to_promises, hardware_logs):
+    (verdict,) = run_to_promises("15", {"makes": ["T-Motor"]}).verdicts
+    assert verdict.startswith("Of 4 logs (joints: 1) the sensor answers 0 ")
+
+
+def test_impacts_that_are_not_half_a_turn_apart_are_named_before_the_shape_of_the_ring(
+    run_to_promises, on_simulated_records
+):
+    run = run_to_promises("00", {"backlash_mrad": 0.3, "friction_share": 0.05, "runs": 1})
+    (finding,) = [said for said in run.said if said.startswith("The best signature leaves")]
+    assert "s apart, and not half a turn" in finding
+
+
+def test_the_sd_of_the_noise_is_that_of_the_law_that_made_it(run_to_promises, on_simulated_records):
+    code = "rng(seed).uniform(-noise_rps, noise_rps, → rng(seed).normal(0, noise_rps,"
+    run = run_to_promises("00", {"runs": 1}, code)
+    assert any("has the SD (standard deviation) 0.10" in said for said in run.said)
 
 
 def test_without_noise_the_signature_itself_makes_most_of_the_error(run_notebook):
@@ -104,7 +132,7 @@ def test_another_cost_leaves_the_counts_of_the_stored_runs_as_they_are(run_noteb
 @pytest.mark.parametrize(
     ("parameters", "says"),
     [
-        ({"population": 4, "iterations": 10}, "Stopped by the limit of 10 generations: 1 of 1"),
+        ({"population": 4, "iterations": 10}, "Stopped by the limit, `iterations` = 10: 1 of 1"),
         ({"population": 4}, "so its |A| says nothing"),
         ({"optimiser": lambda misfits, box, seed: (box.lower + box.upper) / 2}, "your optimiser"),
     ],
@@ -133,16 +161,10 @@ def test_with_friction_it_is_not_gravity_alone_that_turns_before_the_teeth_meet(
     assert "360° the bottom: gravity with friction has to change its direction" in run.said[0]
 
 
-def test_a_changed_joint_is_the_reason_of_other_coefficients(run_to_promises):
-    run = run_to_promises("06", {"changes": {"G/J_l": 2.0}})
-    (caption,) = [said for said in run.said if said.startswith("(a) Equation 10 as printed")]
-    assert caption.endswith("times the printed one, as the joint is another.")
-
-
 def test_a_wider_box_is_not_judged_by_the_lowest_misfit_of_the_authors_box(run_notebook):
     names, text, _ = run_notebook("07", box={"T2": (0.0, 0.4)}, seeds=[1, 2, 3])
     lower = names["runs"]["over the lowest"].min() < 0.99
-    assert ("the box is not the authors'" in text) == lower
+    assert ("the lowest RMSE in the authors' box: this box is another" in text) == lower
 
 
 def test_with_four_members_no_mean_of_table_2_is_said_to_be_this_runs(run_notebook):
