@@ -88,8 +88,8 @@ A_true = settled_peak(run, joint)  # of the speed before it is sampled
 # In mrad: the tooth's middle at x; pressed flanks give way.
 def draw_teeth(axis, x, delta):
     give = x - np.clip(x, -delta, delta)
-    axis.set(xlim=(-5, 5), ylim=(0, 1), yticks=[], facecolor="0.95")
-    axis.set(title="motor's tooth between the load's flanks [mrad]")
+    title = "motor's tooth between the load's flanks [mrad]"
+    axis.set(xlim=(-5, 5), ylim=(0, 1), yticks=[], facecolor="0.95", title=title)
     axis.grid(visible=False)
     for side in (-1, 1):
         pressed = figures.ORANGE if give * side > 0 else "0.6"

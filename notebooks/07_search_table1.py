@@ -94,12 +94,13 @@ deepest = best.X.t0 % 0.4, best.X.omega
 last = watched[-1]
 end_t0, end_omega = last.members[last.misfits.argmin()]
 away = (end_t0 - deepest[0] + 0.2) % 0.4 - 0.2
-where = "into the right one"
-if last.misfits.min() > 1.1 * best.rmse:
+where, times = "into the right one", end_omega / best.X.omega
+half_period = np.pi / best.X.omega
+if abs(away) > half_period / 2 or not 0.8 < times < 1.25:
     where = (
         f"into a wrong one, {1e3 * away:+.0f} ms from the best start, at "
-        f"{end_omega / best.X.omega:.2f} times its frequency. Every half period "
-        f"({1e3 * np.pi / best.X.omega:.0f} ms) the model swings with the log "
+        f"{times:.2f} times its frequency. Every half period "
+        f"({1e3 * half_period:.0f} ms) the model swings with the log "
         f"again, so there are many valleys, and {len(last.members)} members, drawn "
         "over the whole box, easily miss the deepest"
     )
@@ -244,7 +245,7 @@ runs.rename_axis("seed").round(3)
 named = optimiser if isinstance(optimiser, str) else "your optimiser"
 # The other minima lie far above.
 found = runs["over the lowest"].between(0.99, 1.01)
-limited = int((runs["generations"] >= iterations).sum())
+limited = (runs["generations"] >= iterations).sum()
 lowest = runs.sort_values("RMSE").iloc[0]
 times = lowest["over the lowest"]
 its_end = f"the best ends at {times:.2f} times {best.rmse:.4f} rps"

@@ -109,7 +109,7 @@ rigid = pd.DataFrame(
 rigid.round(3)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-heavy = int((rigid["left"] < 0.5).sum())
+heavy = (rigid["left"] < 0.5).sum()
 workbook.say(
     f"The equation leaves less than half of gravity in {heavy} of {len(rigid)} "
     "logs; only in such logs can gravity be told from what else the torque does."
@@ -144,7 +144,7 @@ if lost:
 # No number of the paper is judged here.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-refused = int((chosen["verdict"] == "cannot tell").sum())
+refused = (chosen["verdict"] == "cannot tell").sum()
 joints = chosen["joint"].nunique()
 workbook.verdict(
     f"Of {len(chosen)} logs (joints: {joints}) the sensor answers "

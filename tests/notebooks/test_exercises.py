@@ -73,7 +73,7 @@ ANSWERS = {
             ["round(right, 2)", "right + 0.015", "with_gains / alone"],
             ["1 / right", "1", "1 + right", "100 * right"],
         ),
-        "moved_ms": (["200", "-200", "201"], ["0.2", "400", "100", "0"]),
+        "moved_ms": (["200", "-200", "201", "600"], ["0.2", "400", "100", "0", "203"]),
         "times_as_high": (["2", "2.01", "80 / 40"], ["1", "0.5", "4", "2.05"]),
     },
     "04": {
@@ -115,7 +115,7 @@ ANSWERS = {
             ["1e-6 * right", "2 * right", "2 * 15.2", "0.5e-4 * theoretical[-1] ** 3"],
         ),
         "limit_rps": (
-            ["1.1", "round(right, 3)", "np.interp(2e-3, in_rpm, theoretical)"],
+            ["1.1", "1.09", "round(right, 3)", "np.interp(2e-3, in_rpm, theoretical)"],
             ["60 * right", "right / 60", "theoretical[-1]", "polynomial(2, printed)"],
         ),
     },
@@ -154,7 +154,7 @@ ANSWERS = {
     "09": {
         "error_mrad": (
             ["round(right, 3)", "1e3 * (f(mean_A) - deltas[0])", "round(right, 2)"],
-            ["-right", "1e-3 * right", "1e3 * f(mean_A)", "mean_A - known_A[0]"],
+            ["-right", "1e-3 * right", "1e3 * f(mean_A)", "mean_A - known_A[0]", "-0.12"],
         ),
         "share_percent": (
             ["round(right)", "right + 0.9", "100 / (1 + 49 * best['f'] / best['d'])"],
@@ -162,7 +162,7 @@ ANSWERS = {
         ),
         "left": (
             ["[0, 0, 1]", "(0, 0, 0.995)", "np.array([0.0, 0.01, 1.0])"],
-            ["[0, 1, 0]", "[1, 0, 0]", "[0, 0.5, 1]", "1"],
+            ["[0, 1, 0]", "[1, 0, 0]", "[0, 0.5, 1]", "1", "[0, 0]", "[[0, 0, 1]]"],
         ),
     },
     "11": {
