@@ -293,7 +293,7 @@ gained = ring["decay [1/s]"].diff()
 workbook.say(
     f"“{gained.idxmax()}” adds most to the decay, {gained.max():+.0f} 1/s; "
     f"“{gained.idxmin()}” changes it by {gained.min():+.0f} 1/s. A torque against "
-    "the speed (K_p) takes energy out; a late torque opposes it less."
+    "the speed (K_p) takes energy out; a late one opposes the speed less."
 )
 
 # %% [markdown]
