@@ -1,13 +1,18 @@
 """What every command needs, and no library: errors that a user can mend, and files that are written whole."""
 
+import errno
+import hashlib
 import json
+import re
 import secrets
 import stat
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
+    from importlib.resources.abc import Traversable
+
     import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -31,6 +36,28 @@ class DataCorrupt(UserError):
     """The folder that was named, or a file of it, is not what it should be."""
 
 
+# --------------------------------------------------------------------------- files: read whole, or not at all
+
+Parsed = TypeVar("Parsed")
+_MERGE_MARK = re.compile(r"^(<{7}|={7}|>{7})( |$)", re.MULTILINE)
+
+
+def read_committed(file: "Traversable", parse: Callable[[str], Parsed]) -> Parsed:
+    """Parse a text file that is committed; UserError where it is missing, cut, between two merges, or else damaged."""
+    try:
+        text = file.read_bytes().decode("utf-8")
+        if not text.endswith("\n"):
+            raise ValueError("its last line has no end")
+        if mark := _MERGE_MARK.search(text):
+            raise ValueError(f"a merge left its mark, {mark[0].strip()}")
+        return parse(text)
+    except Exception as error:  # of whatever a parser meets in a damaged file
+        why = f"{type(error).__name__}: {error}".partition("\n")[0]
+        raise UserError(
+            f"{file}: damaged or missing ({why}); git checkout brings it back"
+        ) from error
+
+
 # ------------------------------------------------------------------------ files: written whole, or not at all
 
 FLOAT_FORMAT = "%.6g"
@@ -43,8 +70,13 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
     try:
         for path, content in contents.items():
             path.parent.mkdir(parents=True, exist_ok=True)
-            with temporary[path].open("xb") as file:
-                file.write(content)
+            if path.is_dir():  # which no file replaces: before the first one is replaced
+                raise IsADirectoryError(errno.EISDIR, "a folder stands in the place of", str(path))
+            try:
+                with temporary[path].open("xb") as file:
+                    file.write(content)
+            except OSError as error:  # of a full disk, which does not say where
+                raise OSError(error.errno, error.strerror, str(path)) from error
             if path.is_file() and not path.is_symlink():
                 temporary[path].chmod(stat.S_IMODE(path.stat().st_mode))
         for path in contents:
@@ -79,32 +111,28 @@ def write_csv(path: Path, table: "pd.DataFrame") -> None:
     write_bytes(path, as_csv(table))
 
 
-# Beside tables that `make all` does not make: how many rows each was written with.
-KEPT_ROWS = "kept_rows.json"
+# Beside tables that `make all` does not make: the SHA-256 that each was written with.
+KEPT_SHA256 = "kept_sha256.json"
 
 
 def write_kept(path: Path, table: "pd.DataFrame") -> None:
-    """Write a study's table, and beside it how many rows it has, by which one that is cut is known later."""
-    rows = _kept_rows(path.parent) | {path.name: len(table)}
-    write_files({path: as_csv(table), path.with_name(KEPT_ROWS): as_json(rows)})
+    """Write a study's table, and beside it its SHA-256, by which one that is cut or changed is known later."""
+    content, beside = as_csv(table), path.with_name(KEPT_SHA256)
+    digests = _kept_sha256(beside) if beside.exists() else {}
+    digests[path.name] = hashlib.sha256(content).hexdigest()
+    write_files({path: content, beside: as_json(digests)})
 
 
-def check_kept(path: Path, table: "pd.DataFrame") -> None:
-    """Raise UserError if a table that was written by `write_kept` has other rows than then, or none."""
-    rows = _kept_rows(path.parent).get(path.name, len(table))
-    if table.empty or len(table) != rows:
-        raise UserError(f"{path}: {len(table)} of {rows} rows; git checkout brings it back")
+def check_kept(path: Path) -> None:
+    """Raise UserError if a table is not as `write_kept` wrote it."""
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if _kept_sha256(path.with_name(KEPT_SHA256)).get(path.name) != digest:
+        raise UserError(f"{path}: not the table that its study wrote; git checkout brings it back")
 
 
-def _kept_rows(folder: Path) -> dict[str, int]:
-    """Rows by table; none is known where nothing was written yet."""
-    file = folder / KEPT_ROWS
-    try:
-        return dict(json.loads(file.read_text("utf-8"))) if file.exists() else {}
-    except (ValueError, TypeError) as error:
-        raise UserError(
-            f"{file}: no JSON of tables and their rows ({error}); git checkout brings it back"
-        ) from error
+def _kept_sha256(file: Path) -> dict[str, str]:
+    """SHA-256 by table."""
+    return read_committed(file, lambda text: dict(json.loads(text)))
 
 
 def write_json(path: Path, content: dict) -> None:

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from replication import njit
+from replication.files import read_committed
 from replication.signature import FloatArray
 
 GRAVITY = 9.80665
@@ -173,8 +174,8 @@ def allowed_factors(joint: Joint) -> dict[str, tuple[float, float]]:
 
 def identified_joint() -> Joint:
     """Read the joint that was identified from the published signals (``data/joint.json``)."""
-    data = json.loads(files("replication").joinpath("data/joint.json").read_text("utf-8"))
-    return from_ratios(data["ratios"])
+    file = files("replication") / "data" / "joint.json"
+    return read_committed(file, lambda text: from_ratios(json.loads(text)["ratios"]))
 
 
 # ------------------------------------------------------------------------------------ equations of motion

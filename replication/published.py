@@ -1,5 +1,6 @@
 """Every number the paper prints, once, from the data files; and the rules that decide its claims."""
 
+import io
 import math
 from collections.abc import Mapping
 from decimal import Decimal
@@ -9,6 +10,8 @@ from importlib.resources.abc import Traversable
 
 import numpy as np
 import pandas as pd
+
+from replication.files import read_committed
 
 DATA: Traversable = files("replication") / "data"
 
@@ -21,8 +24,10 @@ _INDEX = {"cells": "id", "claims": "id", "errata": "id"}
 
 @cache
 def _kept(name: str) -> pd.DataFrame:
-    with (DATA / f"{name}.csv").open(encoding="utf-8") as file:
-        return pd.read_csv(file, keep_default_na=False, index_col=_INDEX.get(name))
+    def parse(text: str) -> pd.DataFrame:
+        return pd.read_csv(io.StringIO(text), keep_default_na=False, index_col=_INDEX.get(name))
+
+    return read_committed(DATA / f"{name}.csv", parse)
 
 
 def table(name: str) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from replication import published
-from replication.files import DataCorrupt, DataUnavailable
+from replication.files import DataCorrupt, DataUnavailable, read_committed
 from replication.joint import identified_joint, simulate
 from replication.signature import FloatArray
 
@@ -121,8 +121,13 @@ AUTHORS_FILES = (
 
 def authors_checksums() -> dict[str, str]:
     """SHA-256 of each file of the authors' repository at `AUTHORS_COMMIT`, by its path there."""
-    text = (published.DATA / "authors_sha256.txt").read_text(encoding="utf-8")
-    return {path: digest for digest, path in (line.split("  ", 1) for line in text.splitlines())}
+
+    def parse(text: str) -> dict[str, str]:
+        pairs = (line.split("  ", 1) for line in text.splitlines())
+        registered = {path: digest for digest, path in pairs}
+        return registered | {path: registered[path] for path in AUTHORS_FILES}  # none lacks
+
+    return read_committed(published.DATA / "authors_sha256.txt", parse)
 
 
 def authors_file(path: str) -> Path:

@@ -420,8 +420,8 @@ def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, o
 
 def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
     """The realisations that are kept, under each protocol as many of each of rows 1 to 10: the rows of `realise`."""
+    check_kept(path)
     table = pd.read_csv(path)
-    check_kept(path, table)
     made = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size()
     whole = made.groupby("protocol").min()
     return table[table["realisation"] <= table["protocol"].map(whole)]

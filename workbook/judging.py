@@ -30,7 +30,7 @@ from workbook.outcomes import (
     cell_rows,
     claim_rows,
     load_outcomes,
-    read_kept,
+    read_made,
     save_outcome,
     source_of,
 )
@@ -130,7 +130,7 @@ def verdicts(results: Path) -> pd.DataFrame:
     Raises
     ------
     UserError
-        No notebook exports a number that is tested, or two do.
+        No notebook exports a number that is not taken over, or two do.
     """
     ours = {
         cell: {"id": cell, "source": source_of(cell), "numbers": math.nan}
@@ -143,8 +143,8 @@ def verdicts(results: Path) -> pd.DataFrame:
             ours[row["id"]] = row | {"notebook": name}
     for cell, number in published.derived_numbers().items():
         ours[cell]["numbers"] = number
-    is_tested = ~published.cells()["source"].isin(NOT_TESTED)
-    for cell in published.cells().index[is_tested]:
+    is_ours = published.cells()["source"] != "taken over"
+    for cell in published.cells().index[is_ours]:
         if not np.isfinite(_pooled(ours[cell]["numbers"])).all():
             raise UserError(f"{cell}: no notebook has computed it; make all runs them")
     return pd.DataFrame([judge_number(**row) for row in ours.values()])
@@ -195,8 +195,8 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
     table = pd.DataFrame(rows, columns=shown, dtype=object).set_index("id")
     table["committed"] = table["ours"]
     if records_are_simulated() or not OUTPUT_FOLDER:
-        kept = read_kept("verdicts").set_index("id")["reproduced"]
-        claimed = read_kept("claims").set_index("id")["measured"]
+        kept = read_made("verdicts").set_index("id")["reproduced"]
+        claimed = read_made("claims").set_index("id")["measured"]
         table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
     return table.fillna("").map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
 

@@ -6,6 +6,7 @@ REPLICATION_OUT; a notebook that is run by hand writes nothing.
 """
 
 import ast
+import io
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from replication import published
-from replication.files import FLOAT_FORMAT, ROOT, UserError, check_kept, write_csv, write_json
+from replication.files import (
+    FLOAT_FORMAT,
+    ROOT,
+    UserError,
+    check_kept,
+    read_committed,
+    write_csv,
+    write_json,
+)
 from replication.records import records_are_simulated
 
 if TYPE_CHECKING:
@@ -83,12 +92,22 @@ def _named_files(source: Path) -> Iterator[str]:
 
 
 def refuse_missing() -> None:
-    """Refuse to go on where a file is missing that a notebook makes: what is missing is never judged."""
+    """Refuse to go on where a file is missing that a notebook makes, or an outcome is there that none makes.
+
+    What is missing is never judged; nor what a notebook had made before it, or its end, was removed.
+    """
+    listed: set[str] = set()
     for source in notebook_sources().values():
         for name in listed_exports(source):
+            listed.add(name)
             file = ROOT / name
             if not file.is_file() or not file.stat().st_size:
                 raise UserError(f"{name} is missing or empty; {how_to_make(source)}")
+    there = {f"results/outcomes/{file.name}" for file in RESULTS.glob("outcomes/*.json")}
+    for name in sorted(there - listed):
+        raise UserError(
+            f"{name}: no notebook makes it; git checkout brings the notebook back, or delete it"
+        )
 
 
 def how_to_make(source: Path) -> str:
@@ -99,12 +118,13 @@ def how_to_make(source: Path) -> str:
 def read_kept(name: str) -> pd.DataFrame:
     """Read `results/NAME.csv`, a table that a study has made and `make all` does not make again."""
     file = kept_table(name)
-    try:
-        table = pd.read_csv(file)
-    except ValueError as error:
-        raise UserError(f"{file}: no table ({error}); git checkout brings it back") from error
-    check_kept(file, table)
-    return table
+    check_kept(file)
+    return pd.read_csv(file)
+
+
+def read_made(name: str) -> pd.DataFrame:
+    """Read `results/NAME.csv`, a table that a notebook or the report makes."""
+    return read_committed(kept_table(name), lambda text: pd.read_csv(io.StringIO(text)))
 
 
 def kept_table(name: str) -> Path:
@@ -184,7 +204,7 @@ def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
         if file.exists():
             try:
                 outcomes[name] = _check_outcome(json.loads(file.read_text(encoding="utf-8")))
-            except (ValueError, TypeError, KeyError) as error:
+            except (ValueError, TypeError, KeyError, RecursionError) as error:
                 raise UserError(
                     f"{file}: not the outcome of a notebook ({error!r}); {how_to_make(source)}"
                 ) from error

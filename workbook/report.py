@@ -14,13 +14,13 @@ import numpy as np
 import pandas as pd
 
 from replication import evidence, published, table2
-from replication.files import UserError, as_csv, as_json, write_files
+from replication.files import UserError, as_csv, as_json, read_committed, write_files
 from workbook import judging
-from workbook.outcomes import kept_table, load_outcomes, read_kept
+from workbook.outcomes import kept_table, load_outcomes, read_kept, read_made
 from workbook.provenance import provenance
 
 TEMPLATE = Path(__file__).with_name("report.md.j2")
-STATUS = re.compile(r"(<!-- status: begin -->\n).*(<!-- status: end -->)", re.DOTALL)
+STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
 CONSISTENCY = "the paper's own numbers"
 WEAKLY = "agrees weakly"
 VERDICTS = ("agrees", WEAKLY, "differs", "not tested")
@@ -199,7 +199,7 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "sds": describe_table2(cells, "sd"),
         "evidence": evidence.describe_multiverse(
             table2.read_realisations(kept_table("table2_realisations")),
-            read_kept("table2_multiverse"),
+            read_made("table2_multiverse"),
         ),
         "hardware": describe_hardware(),
         "engine": describe_engine(),
@@ -223,14 +223,13 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
 def load_template() -> jinja2.Template:
     """Load the report's template, which refuses to write what is not there."""
     pages = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATE.parent),
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
         finalize=_refuse_absent,
     )
     pages.filters.update(typeset=typeset, span=span, p=write_p, rejections=write_rejections)
-    return pages.get_template(TEMPLATE.name)
+    return read_committed(TEMPLATE, pages.from_string)
 
 
 def _refuse_absent(value: object) -> object:
@@ -272,10 +271,13 @@ def write_report(results: Path, readme: Path) -> list[Path]:
         why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
         raise UserError(f"{results}: the report cannot be made from it ({why})") from error
     page, status = render(described)
-    text = readme.read_text(encoding="utf-8")
-    text, marked = STATUS.subn(lambda marks: f"{marks[1]}{status}\n{marks[2]}", text)
-    if not marked:
-        raise UserError(f"{readme}: the marks of the status are gone; git checkout brings it back")
+    text = read_committed(readme, str)
+    if [text.count(mark) for mark in STATUS_MARKS] != [1, 1]:  # text between two pairs would go
+        raise UserError(
+            f"{readme}: not one pair of marks of the status; git checkout brings it back"
+        )
+    before, after = text.split(STATUS_MARKS[0])[0], text.split(STATUS_MARKS[1])[1]
+    text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
     written = {
         results / "report.md": page.encode(),
         results / "verdicts.csv": as_csv(verdicts),

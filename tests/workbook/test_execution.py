@@ -2,6 +2,7 @@
 
 import os
 import re
+import resource
 import shlex
 import shutil
 import signal
@@ -13,7 +14,7 @@ import nbformat
 import psutil
 import pytest
 
-from replication.files import UserError
+from replication.files import UserError, write_files
 from workbook import ROOT, execution
 
 GOOD = """# %% tags=["parameters"]
@@ -198,6 +199,24 @@ def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
         execution.run(small(folder))
     assert made_in(folder) == before
     assert not list(folder.rglob("*.tmp"))
+
+
+def test_files_are_written_all_or_none_and_what_stands_in_the_way_is_named(tmp_path):
+    good, last = tmp_path / "good.txt", tmp_path / "last.txt"
+    good.write_bytes(b"old")
+    last.mkdir()
+    with pytest.raises(OSError, match=r"a folder stands in the place of: .*last\.txt"):
+        write_files({good: b"new", last: b"new"})
+    last.rmdir()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))  # as a full disk
+    try:
+        with pytest.raises(OSError, match=r"last\.txt"):
+            write_files({good: b"new", last: bytes(2000)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [*tmp_path.iterdir()] == [good]
+    assert good.read_bytes() == b"old"
 
 
 @pytest.mark.slow

@@ -102,6 +102,14 @@ def test_a_number_that_is_missing_is_refused_and_beside_a_notebook_not_tested(
         judging.verdicts(RESULTS)
 
 
+def test_a_stand_in_s_number_that_is_missing_is_refused_too(monkeypatch):
+    outcomes = load_outcomes(RESULTS)
+    del outcomes["09_stand_ins_tables3_4"]["cells"][0]
+    monkeypatch.setattr(judging, "load_outcomes", lambda results: outcomes)
+    with pytest.raises(UserError, match="no notebook has computed it; make all"):
+        judging.verdicts(RESULTS)
+
+
 # ------------------------------------------------------------------- every number can end its agreement
 
 

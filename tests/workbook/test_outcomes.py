@@ -62,6 +62,7 @@ WRONG = [
     json.dumps(GOOD | {"cells": [CELL]}),
     json.dumps(GOOD | {"claims": [{"id": "monotone", "holds": "yes", "measured": "it is"}]}),
     json.dumps(GOOD | {"facts": {"count": 3}}),
+    "[" * 10**5,
 ]
 
 
@@ -123,6 +124,16 @@ def test_each_missing_or_empty_file_is_named_with_the_notebook_that_makes_it(dam
         with pytest.raises(UserError, match=says):
             outcomes.refuse_missing()
         file.write_text("made again")
+
+
+def test_an_outcome_that_no_notebook_makes_any_more_is_named(small_project):
+    source = small_project / "notebooks" / "01_small.py"
+    source.write_text(source.read_text().replace("cells, ", ""))
+    with pytest.raises(UserError, match=r"01_small\.json: no notebook makes it; git checkout"):
+        outcomes.refuse_missing()
+    source.unlink()
+    with pytest.raises(UserError, match=r"01_small\.json: no notebook makes it; git checkout"):
+        outcomes.refuse_missing()
 
 
 def test_a_kept_table_that_is_missing_is_named(small_project):

@@ -62,21 +62,46 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_kept_table_or_readme_is_one_line_and_nothing_is_written(
-    damage, tmp_path, monkeypatch
-):
+def test_a_damaged_kept_table_is_one_line_and_nothing_is_written(damage, tmp_path, monkeypatch):
     results = shutil.copytree(RESULTS, tmp_path / "results")
     monkeypatch.setattr(outcomes, "RESULTS", results)
     written = Mock()
     monkeypatch.setattr(report, "write_files", written)
-    with pytest.raises(UserError, match="marks of the status are gone"):
-        report.write_report(results, results / "report.md")
     name, change = DAMAGES[damage]
     file = results / f"{name}.csv"
     file.write_text(change(file.read_text()))
     with pytest.raises(UserError, match="git checkout brings it back"):
         report.write_report(results, ROOT / "README.md")
     assert not written.called
+
+
+STATUS = "<!-- status: begin -->\n-\n<!-- status: end -->\n"
+TEXTS = {
+    "no mark": b"Words.\n",
+    "two pairs of marks": f"{STATUS}Words between.\n{STATUS}".encode(),
+    "a merge's mark": f"{STATUS}<<<<<<< HEAD\n".encode(),
+    "cut": STATUS.rstrip().encode(),
+    "not in UTF-8": f"{STATUS}é\n".encode("latin-1"),
+    "empty": b"",
+}
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_a_damaged_readme_or_template_is_one_line_and_nothing_is_written(
+    text, tmp_path, monkeypatch, facts
+):
+    file = tmp_path / "README.md"
+    file.write_bytes(text)
+    monkeypatch.setattr(report, "describe", lambda *results: facts)
+    for judged in ("verdicts", "claims"):
+        monkeypatch.setattr(judging, judged, lambda results: None)
+    for readme, template in ((file, report.TEMPLATE), (ROOT / "README.md", file)):
+        monkeypatch.setattr(report, "TEMPLATE", template)
+        if template == file:
+            file.write_bytes(text.replace(b"Words", b"{% if"))
+        with pytest.raises(UserError, match=rf"^{file}: .*git checkout brings it back$"):
+            report.write_report(RESULTS, readme)
+    assert [*tmp_path.iterdir()] == [file]
 
 
 def test_every_link_of_report_and_readme_leads_to_a_file():
