@@ -23,7 +23,7 @@ def certify() -> dict[str, Any]:
     -------
     dict
         `commit` and what is `changed` since; date, machine, versions; of each notebook whether it
-        `ran_here`, its seconds, and what is no longer as it made it; of each committed result and figure
+        `ran_here`, its seconds, and what is no longer as it made it; of each committed result, figure and notebook
         and of each of the authors' files two SHA-256, as measured and as committed or registered, and
         whether they are the `same`; the verdicts.
 
@@ -36,7 +36,10 @@ def certify() -> dict[str, Any]:
     if not any(each["ran_here"] for each in notebooks.values()):
         raise UserError("no notebook was run here: there is nothing to certify; make all runs them")
     names = {name for source in notebook_sources().values() for name in listed_exports(source)}
-    names |= {"README.md", *_git("ls-files", "results", "figures").decode().splitlines()}
+    names |= {
+        "README.md",
+        *_git("ls-files", "results", "figures", "notebooks").decode().splitlines(),
+    }
     verdicts = judging.verdicts(RESULTS).set_index("id")["agreement"]
     return {
         "commit": _git("rev-parse", "HEAD").decode().strip(),
@@ -86,7 +89,7 @@ def _git(*arguments: str) -> bytes:
     except OSError as error:
         raise UserError(f"git is needed, to compare with what is committed ({error})") from error
     if ended.returncode and arguments[0] != "show":
-        raise UserError(f"this is no clone with a commit: {ended.stderr.decode().strip()}")
+        raise UserError(f"this is no clone with a commit: {ended.stderr.decode().splitlines()[0]}")
     return ended.stdout
 
 
@@ -123,7 +126,7 @@ def write_certificate(about: dict[str, Any]) -> str:
         f"| versions | {versions} |",
         f"| notebooks that ran here | {len(ran)} of {len(about['notebooks'])}, {sum(ran):.0f} s |",
         f"| authors' files as registered | {counts['authors_files']} |",
-        f"| results and figures as committed | {counts['results']} |",
+        f"| results, figures and notebooks as committed | {counts['results']} |",
         f"| printed numbers | {verdicts} |",
         "",
         *(f"- {line}" for line in find_differences(about) or ["no difference"]),

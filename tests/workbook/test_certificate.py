@@ -44,7 +44,7 @@ def test_a_rerun_to_the_same_bytes_is_certified_but_for_the_data_that_are_not_th
     assert all(line.startswith("authors' files: ") for line in lines)
     page = certificate.write_certificate(about)
     assert "| notebooks that ran here | 1 of 1, 12 s |" in page
-    assert "as committed | 7 of 7 |" in page
+    assert "as committed | 8 of 8 |" in page
 
 
 @pytest.mark.parametrize("name", [FIGURE, "results/kept.csv", "notebooks/01_small.ipynb"])
@@ -55,6 +55,16 @@ def test_a_byte_that_changes_is_named(clone, name):
     assert about["notebooks"]["01_small"]["changed_since"] == [name]
     assert f"{name}: not as committed" in certificate.find_differences(about)
     assert f"- {name}: not as committed\n" in certificate.write_certificate(about)
+
+
+def test_a_notebook_that_was_removed_is_named(clone, monkeypatch):
+    other = clone / "notebooks" / "02_other.py"
+    other.touch()
+    subprocess.run(["git", "add", other], cwd=clone, check=True)
+    other.unlink()
+    assert "notebooks/02_other.py: not as committed" in certificate.find_differences(
+        certificate.certify()
+    )
 
 
 def test_a_notebook_that_did_not_run_is_named_and_where_none_ran_nothing_is_certified(
