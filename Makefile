@@ -23,7 +23,7 @@ help:  ## list the targets
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
 # make from ending well. What this make starts, sub-makes and kernels too, ends with it, in whatever way it ends.
 all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@$(PY) -m workbook.stamps && export MAKE_PID=$$PPID; \
+	@$(PY) -m workbook.stamps || exit; export MAKE_PID=$$PPID; \
 	$(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
 	$(MAKE) --no-print-directory .make/report.ran && exit $$status
 

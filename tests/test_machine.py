@@ -1,6 +1,7 @@
 """What a user's own machine brings: odd folders, settings, consoles and places that cannot be written."""
 
 import ast
+import io
 import os
 import subprocess
 import sys
@@ -9,7 +10,10 @@ from pathlib import Path
 import pytest
 
 import replication
+from replication import joint, published, records
+from replication.files import UserError
 from tests.logs import command, noisy, write
+from workbook import judging, report
 from workbook.__main__ import main as workbook_command
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -32,6 +36,76 @@ def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
     assert "venv" in made.stdout
     assert "PWNED" not in made.stdout
     assert not list(tmp_path.rglob("PWNED"))
+
+
+def test_make_all_ends_where_it_cannot_ask_what_is_still_there(tmp_path):
+    for name in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/small.ran"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    command = ["make", "-f", ROOT / "Makefile", "all", "PY=false", "STAMPS=.make/small.ran"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True)
+    assert ended.returncode == 2
+    assert ended.stdout == b""
+
+
+@pytest.mark.parametrize("words", [["workbook", "check"], ["backlash", "example"]], ids=str)
+def test_a_command_whose_output_is_closed_says_so_in_one_line(words, tmp_path):
+    line = 'cd "$0"; exec "$1" -m "$2" "$3" >&-'
+    command = ["sh", "-c", line, tmp_path, sys.executable, *words]
+    variables = os.environ | {"PYTHONPATH": str(ROOT)}
+    ended = subprocess.run(command, env=variables, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert "standard output is closed" in ended.stderr
+
+
+def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
+    console = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", console)
+    for name in ("verdicts", "claims"):
+        monkeypatch.setattr(judging, name, lambda results: None)
+    monkeypatch.setattr(report, "list_verdicts", lambda *results: "34 µrad\nthe end")
+    monkeypatch.setattr(report, "find_surprises", lambda verdicts: [])
+    assert workbook_command(["check"]) == 0
+    assert console.buffer.getvalue().splitlines()[-1] == b"the end"
+
+
+def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "workbook.outcomes", None)
+    assert workbook_command(["check"]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert "remove .venv, and make" in line
+
+
+DAMAGES = {
+    "missing": None,
+    "cut": lambda text: text[: len(text) // 2],
+    "a merge's mark": lambda text: text.replace(b"\n", b"\n<<<<<<< HEAD\n", 1),
+    "not in UTF-8": lambda text: text + b"\xe9\n",
+    "no lines": lambda text: b"\n",
+}
+READERS = {
+    "cells.csv": lambda: published.cells(),
+    "authors_sha256.txt": records.authors_checksums,
+    "joint.json": joint.identified_joint,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+@pytest.mark.parametrize("name", READERS)
+def test_a_damaged_data_file_is_named_in_one_line(name, damage, tmp_path, monkeypatch):
+    file = tmp_path / "data" / name
+    file.parent.mkdir()
+    text = (ROOT / "replication" / "data" / name).read_bytes()
+    file.write_bytes(text)
+    monkeypatch.setattr(published, "DATA", file.parent)
+    monkeypatch.setattr(joint, "files", lambda package: tmp_path)
+    monkeypatch.setattr(published, "_kept", published._kept.__wrapped__)
+    READERS[name]()
+    file.write_bytes(damage(text)) if damage else file.unlink()
+    with pytest.raises(UserError, match=rf"^{file}: .*git checkout brings it back$"):
+        READERS[name]()
 
 
 @pytest.mark.parametrize("value", ["~/nowhere", "README.md"])

@@ -4,6 +4,7 @@ What a command needs is imported when it runs: `check` needs no kernel, and `run
 """
 
 import argparse
+import io
 import os
 import sys
 from pathlib import Path
@@ -21,6 +22,12 @@ def main(arguments: list[str] | None = None) -> int:
     commands.choices["run"].add_argument("notebook", type=Path, help="a notebook's .py source")
     options = vars(parser.parse_args(arguments))
     end_with_make()
+    if sys.stdout is None:
+        print("the standard output is closed; send it to a file or to /dev/null", file=sys.stderr)
+        return 2
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
+            stream.reconfigure(errors="replace")
     try:
         find_folders()
         status = options.pop("command")(**options) or 0
@@ -29,6 +36,9 @@ def main(arguments: list[str] | None = None) -> int:
     except UserError as error:
         print(error, file=sys.stderr)
         return error.exit_status
+    except ModuleNotFoundError as error:
+        print(f"{error}: remove .venv, and make installs it again", file=sys.stderr)
+        return 2
     except OSError as error:
         print(error, file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # a closed pipe, a full disk

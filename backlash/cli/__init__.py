@@ -15,7 +15,7 @@ from replication import pinned_environment
 from replication.files import UserError
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
-_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EIO}
+_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -31,6 +31,8 @@ def main(arguments: list[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     try:
         with warnings.catch_warnings(action="ignore"):
+            if sys.stdout is None:
+                raise Refusal("the standard output is closed; send it to a file or to /dev/null")
             options = parser().parse_args(arguments)
             if options.command == "example":
                 print(f"Its backlash is 0.8 mrad. Now ask for it:\n{write_example()}")
