@@ -21,6 +21,7 @@ from workbook.provenance import provenance
 
 TEMPLATE = Path(__file__).with_name("report.md.j2")
 STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
+STATUS = re.compile("|".join(STATUS_MARKS))
 CONSISTENCY = "the paper's own numbers"
 WEAKLY = "agrees weakly"
 VERDICTS = ("agrees", WEAKLY, "differs", "not tested")
@@ -229,7 +230,14 @@ def load_template() -> jinja2.Template:
         finalize=_refuse_absent,
     )
     pages.filters.update(typeset=typeset, span=span, p=write_p, rejections=write_rejections)
-    return read_committed(TEMPLATE, pages.from_string)
+
+    def parse(text: str) -> jinja2.Template:
+        template = pages.from_string(text)
+        if "status" not in template.blocks:
+            raise ValueError("the README's block, status, is gone")
+        return template
+
+    return read_committed(TEMPLATE, parse)
 
 
 def _refuse_absent(value: object) -> object:
@@ -272,11 +280,11 @@ def write_report(results: Path, readme: Path) -> list[Path]:
         raise UserError(f"{results}: the report cannot be made from it ({why})") from error
     page, status = render(described)
     text = read_committed(readme, str)
-    if [text.count(mark) for mark in STATUS_MARKS] != [1, 1]:  # text between two pairs would go
+    if STATUS.findall(text) != list(STATUS_MARKS):  # the text between two pairs would go
         raise UserError(
             f"{readme}: not one pair of marks of the status; git checkout brings it back"
         )
-    before, after = text.split(STATUS_MARKS[0])[0], text.split(STATUS_MARKS[1])[1]
+    before, _, after = STATUS.split(text)
     text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
     written = {
         results / "report.md": page.encode(),
