@@ -61,6 +61,7 @@ def read_committed(file: "Traversable", parse: Callable[[str], Parsed]) -> Parse
 # ------------------------------------------------------------------------ files: written whole, or not at all
 
 FLOAT_FORMAT = "%.6g"
+DISK_IS_FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:

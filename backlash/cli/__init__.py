@@ -12,10 +12,10 @@ from backlash.cli.options import Exit, parser
 from backlash.example import write_example
 from backlash.refusals import Refusal, one_line
 from replication import pinned_environment
-from replication.files import UserError
+from replication.files import DISK_IS_FULL, UserError
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.
-_UNWRITABLE = {errno.EPIPE, errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
+_UNWRITABLE = {errno.EPIPE, errno.EIO, *DISK_IS_FULL}
 
 
 def main(arguments: list[str] | None = None) -> int:

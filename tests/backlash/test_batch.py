@@ -137,6 +137,13 @@ def test_on_a_full_disk_no_table_is_written_and_the_same_command_goes_on(
     assert len(pd.read_csv(out)) == 8
 
 
+def test_a_full_disk_is_no_defect_of_the_log_that_is_read(monkeypatch):
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+    monkeypatch.setattr(estimates, "examine", full)
+    with pytest.raises(OSError, match="No space left"):
+        dict(batch.run_batch(read_batch(["a.csv", "b.csv"], HOW), 1))
+
+
 class Killer:
     """A log that ends the process that takes it."""
 
