@@ -14,12 +14,10 @@ from importlib import import_module
 __version__ = "1.0.0"
 _MODULE_OF = {
     "Estimate": "answer",
-    "Log": "reading.prepare",
     "Reason": "refusals",
     "Refusal": "refusals",
     "estimate": "estimates",
     "estimate_many": "batch",
-    "read_log": "estimates",
 }
 __all__ = list(_MODULE_OF)
 

@@ -33,37 +33,13 @@ class Request:
     arm_m: float | None = None  # at which the play is wanted in mm, too
 
 
-def read_log(log: object, v: ArrayLike | None = None, **given: Any) -> Log:
-    """Read a log's stretch of constant speed; parameters as in `estimate`.
-
-    Returns
-    -------
-    Log
-        Its `recording` has t [s] and v [rps], each of shape (samples,).
-
-    Raises
-    ------
-    Refusal
-        The file is no usable log, or too short or uneven for any answer.
-
-    Examples
-    --------
-    >>> import backlash
-    >>> log = backlash.read_log("log.csv", gear_ratio=40)
-    >>> print(log.recording.v.size, round(log.recording.turn_period_s, 4))
-    2401 0.4
-    """
-    options = request_for(log, given).options
-    return open_log(log, options, v, given.get("torque"))
-
-
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
     """Estimate the backlash, which is half of the total play, that a log tells of.
 
     Parameters
     ----------
-    log : str, Path, DataFrame, Log, or array of shape (samples,)
-        A file, "-" for the standard input, a table, what `read_log` returned, or the time stamps [s] of `v`.
+    log : str, Path, DataFrame, or array of shape (samples,)
+        A file, "-" for the standard input, a table, or the time stamps [s] of `v`.
     v : array of shape (samples,), optional
         Motor speed, in `unit`, which has to be said; with `position=True` its position, in turns, rad, deg or counts.
     turn_period_s, gear_ratio : float
@@ -97,7 +73,7 @@ def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
     >>> print(answer.verdict, answer.backlash_rad, answer.backlash_interval_rad)
     backlash 0.001 (0.0009, 0.0011)
     """
-    return examine(log, request_for(log, given), v, given.get("torque"))
+    return examine(log, request_for(given), v, given.get("torque"))
 
 
 def examine(
@@ -110,7 +86,7 @@ def examine(
     try:
         read = open_log(log, request.options, v, torque)
         answer = _with_log(answer, read, request)
-        read = _with_own_period(read)
+        read = _with_own_period(read, request.options)
         answer = _with_log(answer, read, request)
         if request.load:
             return _answer_by_torque(read, request.load, answer)
@@ -125,7 +101,6 @@ def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
     """The answer with what was read."""
     return replace(
         answer,
-        file=log.file,
         sha256=log.sha256,
         samples=log.recording.t.size,
         turn_period_s=log.recording.turn_period_s,
@@ -154,10 +129,10 @@ def refused(log: object, why: str) -> Estimate:
     return Estimate(name_of(log)).with_refusal(Refusal(why))
 
 
-def _with_own_period(log: Log) -> Log:
+def _with_own_period(log: Log, options: LogOptions) -> Log:
     """The log with the period that its turns have; of a torque gravity's, which no other line may dominate."""
     recording, given = log.recording, log.recording.turn_period_s
-    if log.options.trust_period:
+    if options.trust_period:
         return log
     if log.torque is None:
         period = turns.period_by_energy(recording, recording.v)
@@ -166,8 +141,8 @@ def _with_own_period(log: Log) -> Log:
         period = other or turns.period_by_torque(recording, log.torque)
         if not turns.is_near_period(recording, period):
             instead = f"--turn-period {period:.4g}"
-            if log.options.gear_ratio:
-                instead = f"--gear-ratio {log.options.gear_ratio * period / given:.4g}"
+            if options.gear_ratio:
+                instead = f"--gear-ratio {options.gear_ratio * period / given:.4g}"
             raise Refusal(
                 f"the torque's strongest line comes every {period:.4g} s, not every {given:.4g} s: if it is gravity's, "
                 f"{instead}; if the turn given is right, --trust-period",
@@ -182,8 +157,7 @@ def _with_own_period(log: Log) -> Log:
 
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
-    if log.torque is None:
-        raise Refusal("the log was read without its torque: give torque to read_log")
+    assert log.torque is not None  # without one no load is asked for
     fit = fit_torque(log.recording, log.torque, load)
     if fit.is_none and log.is_load_side:
         raise Refusal(
@@ -229,48 +203,39 @@ def _answer_by_amplitude(log: Log, answer: Estimate) -> Estimate:
     )
 
 
-def request_for(log: object, given: Mapping[str, Any]) -> Request:
+def request_for(given: Mapping[str, Any]) -> Request:
     """What is asked of a log, by the keywords of `estimate`."""
     if unknown := sorted(set(given) - set(GIVEN)):
         raise TypeError(f"no parameter {unknown[0]!r}; there are {', '.join(GIVEN)}")
     given = {name: value for name, value in given.items() if value is not None}
+    if given.get("position") is True:
+        given["position"] = "position"
+    if not isinstance(given.get("torque", ""), str | int):
+        given["torque"] = "torque array"
+    if not given.get("torque"):
+        given.pop("torque", None)
     arm_m = given.get("arm_m")
     check_positive(arm_m=arm_m)
-    options = _options_of(log, given)
-    needs_load = options.torque or not given.keys().isdisjoint(_RATIOS + _MASSES)
-    return Request(options, _load_of(options, given) if needs_load else None, arm_m)
+    options = LogOptions(**{name: given[name] for name in _OPTIONS if name in given})
+    is_by_torque = not given.keys().isdisjoint(("torque", *_RATIOS, *_MASSES))
+    return Request(options, _load_of(given) if is_by_torque else None, arm_m)
 
 
-def _options_of(log: object, given: Mapping[str, Any]) -> LogOptions:
-    """What is given of a log's columns and movement; a log that was read has it all."""
-    options = {name: given[name] for name in _OPTIONS if name in given}
-    if isinstance(log, Log):
-        if options:
-            raise Refusal(f"{log.file} was read already: give {', '.join(options)} to read_log")
-        return log.options
-    if options.get("position") is True:
-        options["position"] = "position"
-    if not isinstance(options.get("torque", ""), str | int):
-        options["torque"] = "torque array"
-    return LogOptions(**options)
-
-
-def _load_of(options: LogOptions, given: Mapping[str, Any]) -> LoadData:
+def _load_of(given: Mapping[str, Any]) -> LoadData:
     """The load by its ratios or by its masses; refuse what is missing, or given twice."""
     load = {name: given[name] for name in _LOAD if name in given}
-    there = {*load, *(name for name in ("torque", "gear_ratio") if getattr(options, name))}
     needed: tuple[str, ...] = ("torque", *_RATIOS)
-    has_masses = not there.isdisjoint(_MASSES)
+    has_masses = not given.keys().isdisjoint(_MASSES)
     if has_masses:
         needed = ("torque", "gear_ratio", "motor_inertia_kgm2", "load_mass_kg", "load_arm_m")
-    if missing := " and ".join(option_of(name) for name in needed if name not in there):
+    if missing := " and ".join(option_of(name) for name in needed if name not in given):
         raise Refusal(
             f"the torque and the load's data, by its ratios or its masses, are needed: give {missing} too"
         )
     if not has_masses:
         return LoadData(**load)
-    if not there.isdisjoint(_RATIOS):
+    if not given.keys().isdisjoint(_RATIOS):
         raise Refusal(
             "--load-mass beside --inertia-ratio or --gravity: give the load by its ratios or by its masses"
         )
-    return load_from_masses(options.gear_ratio or 0.0, **load)
+    return load_from_masses(given["gear_ratio"], **load)

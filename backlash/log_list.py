@@ -38,7 +38,7 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if isinstance(source, Sequence) and not isinstance(source, str):
         keys = pd.DataFrame(index=range(len(source)))
-        return Batch(source, [request_for(log, given) for log in source], keys)
+        return Batch(source, [request_for(given) for _ in source], keys)
     if not isinstance(source, pd.DataFrame | str | PathLike):
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
@@ -51,7 +51,7 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     requests: list[Request | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            requests.append(request_for(log, {**given, **options_of(row)}))
+            requests.append(request_for({**given, **options_of(row)}))
         except Refusal as refusal:
             requests.append(Refusal(f"{name}, {Path(name_of(log)).name}: {refusal}"))
     return Batch(logs, requests, keys_of(table))

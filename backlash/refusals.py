@@ -29,41 +29,36 @@ class Reason(Enum):
 
 
 class Refusal(UserError, ValueError):
-    """No answer: the reason, one sentence, the file's row, and notes on what was read and done before."""
+    """No answer: the reason, one sentence, the file and its row, and what was read and done before."""
 
-    def __init__(
-        self,
-        sentence: str,
-        reason: Reason = Reason.UNUSABLE,
-        row: int | None = None,
-        notes: tuple[str, ...] = (),
-    ):
+    def __init__(self, sentence: str, reason: Reason = Reason.UNUSABLE, row: int | None = None):
         super().__init__(sentence)  # by which it travels between processes, with its attributes
         self.sentence = one_line(sentence)
         self.reason = reason
         self.row = row
-        self.notes = notes
+        self.file = ""
+        self.notes: tuple[str, ...] = ()
         self.columns = ""  # of the log that were read, as far as it came
 
     def __str__(self) -> str:
-        place = "" if self.row is None else f"row {self.row}: "
-        kind = "" if self.is_unusable else f"{self.reason.value}: "
-        return kind + place + self.sentence
+        kind = "" if self.is_unusable else self.reason.value
+        row = "" if self.row is None else f"row {self.row}"
+        place = ", ".join(filter(None, (self.file, row)))
+        return one_line(": ".join(filter(None, (kind, place, self.sentence))))
 
     @property
     def is_unusable(self) -> bool:
         """Whether the input cannot be read or used, rather than that it does not tell."""
         return self.reason is Reason.UNUSABLE
 
-    def adding(self, what: str) -> "Refusal":
-        """The same refusal with a further clause."""
-        sentence = f"{self.sentence}; {what}" if what else self.sentence
-        return Refusal(sentence, self.reason, self.row, self.notes)
+    def add(self, what: str) -> None:
+        """Say a further thing."""
+        self.sentence += f"; {one_line(what)}"
 
-    def in_file(self, name: str) -> "Refusal":
-        """The same refusal with the file's name before it."""
-        place = f"{name}: " if self.row is None else f"{name}, row {self.row}: "
-        return Refusal(place + self.sentence, self.reason, notes=self.notes)
+    def add_sheet(self, sheet: str) -> None:
+        """Say which sheet of a workbook was read, if there are several."""
+        if sheet:
+            self.add(f"read was the sheet {sheet}")
 
 
 def one_line(text: str) -> str:

@@ -11,7 +11,7 @@ from backlash.reading import clock, movement, values
 from backlash.reading.columns import Columns, LogOptions, choose_columns, numeric_column
 from backlash.reading.limits import LIMITS
 from backlash.reading.samples import Samples
-from backlash.reading.sources import read_source
+from backlash.reading.sources import name_of, read_source
 from backlash.reading.tables import Table
 from backlash.reading.units import PER_TURN
 from backlash.refusals import Reason, Refusal
@@ -21,27 +21,20 @@ from replication.signature import FloatArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Log:
-    """A log that was read: its record of constant speed, and what was said and assumed of it.
+    """A log that was read: its record of constant speed, and what was said and assumed of it."""
 
-    Its recording's t [s] and v [rps] are the samples that an estimate uses.
-    """
-
-    file: str  # what it is called in its answer
-    sha256: str | None = None  # of the file's bytes
+    sha256: str | None  # of the file's bytes
     recording: Recording
-    notes: tuple[str, ...] = ()
-    options: LogOptions
-    torque: FloatArray | None = None  # of the motor at the recording's samples, in the log's unit
-    columns: str = ""  # that were read, with their units, the sheet and the side of the gear
-    is_load_side: bool = False  # of the gear; else the motor's
+    notes: tuple[str, ...]
+    torque: FloatArray | None  # of the motor at the recording's samples, in the log's unit
+    columns: str  # that were read, with their units, the sheet and the side of the gear
+    is_load_side: bool  # of the gear; else the motor's
 
 
 def open_log(
     source: object, options: LogOptions, v: ArrayLike | None = None, torque: ArrayLike | None = None
 ) -> Log:
-    """Read and prepare a log, unless that was done before; see `read_source`."""
-    if isinstance(source, Log):
-        return source
+    """Read and prepare a log; see `read_source`."""
     table = read_source(source, options, v, torque)
     samples = Samples(np.empty(0), np.empty((0, 0)), pd.RangeIndex(0), options, Columns())
     try:
@@ -49,20 +42,18 @@ def open_log(
         samples = take_samples(table.frame, samples)
         for step in STEPS:
             samples = step(samples)
-        recording = movement.make_recording(samples, table.file)
+        recording = movement.make_recording(samples, name_of(source))
     except Refusal as refusal:
         error = _true_cause(refusal, samples, table)
         if table.sha256 and error.is_unusable:
-            error = error.in_file(table.file)
+            error.file = name_of(source)
         error.columns = samples.columns.describe()
-        error.notes += samples.notes
+        error.notes = samples.notes
         raise error from refusal
     return Log(
-        file=table.file,
         sha256=table.sha256,
         recording=recording,
         notes=samples.notes,
-        options=options,
         torque=samples.signals[1] if samples.columns.torque else None,
         columns=samples.columns.describe(),
         is_load_side=samples.columns.is_load_side,
@@ -76,9 +67,9 @@ def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
     cell = table.doubtful.get(samples.columns.signal)
     if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
         whole = cell.replace(".", "")
-        refusal = refusal.adding(f"{cell} may be {whole}, its point a mark of thousands")
-    if table.sheet and refusal.is_unusable:
-        refusal = refusal.adding(f"read was the sheet {table.sheet}")
+        refusal.add(f"{cell} may be {whole}, its point a mark of thousands")
+    if refusal.is_unusable:
+        refusal.add_sheet(table.sheet)
     return refusal
 
 
@@ -130,7 +121,7 @@ def merge_repeated(samples: Samples) -> Samples:
         raise Refusal(
             f"its time stamp repeats the one before with other values ({others.sum()} such rows); "
             "drop doubled rows, and export stamps with all their digits",
-            row=int(samples.rows[1 + others.argmax()]),
+            row=samples.rows[1 + others.argmax()],
         )
     if goes_on.all():
         return samples

@@ -29,7 +29,7 @@ class Suspect(NamedTuple):
 
     def refusal(self, used: NDArray[np.bool_] | slice = slice(None)) -> Refusal:
         """Why a log cannot be used that has some of them."""
-        return Refusal(self.what.format(count=self.t[used].size), row=int(self.rows[used][0]))
+        return Refusal(self.what.format(count=self.t[used].size), row=self.rows[used][0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +64,9 @@ class Samples:
         suspect = Suspect(self.t[chosen], self.rows[chosen], what, name != "torque")
         return replace(self, suspects=(*self.suspects, suspect))
 
-    def noting(self, *notes: str) -> "Samples":
-        """The same samples with notes on what was done to them."""
-        return replace(self, notes=(*self.notes, *notes))
+    def noting(self, note: str) -> "Samples":
+        """The same samples with a note on what was done to them."""
+        return replace(self, notes=(*self.notes, note))
 
     def at(self, chosen: slice | NDArray[np.bool_]) -> "Samples":
         """A part of the samples."""

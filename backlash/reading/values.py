@@ -33,7 +33,7 @@ def refuse_zeros_between(samples: Samples) -> Samples:
         raise Refusal(
             f"{samples.columns.signal} is 0 at {zeros.size:,} places between rows that are not; leave out the rows "
             "without a measurement",
-            row=int(samples.rows[zeros[0]]),
+            row=samples.rows[zeros[0]],
         )
     return samples
 
