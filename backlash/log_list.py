@@ -13,9 +13,9 @@ import pandas as pd
 from backlash.estimates import GIVEN, Request, request_for
 from backlash.reading.columns import listed
 from backlash.reading.limits import LIMITS
-from backlash.reading.packed import check_size, is_workbook, read_parquet_text, workbook_text
+from backlash.reading.packed import check_size, is_parquet, read_parquet_text
 from backlash.reading.sources import name_of, naming, read_bytes
-from backlash.reading.tables import decoded
+from backlash.reading.tables import text_of
 from backlash.refusals import Refusal
 
 TableOfLogs: TypeAlias = pd.DataFrame | str | PathLike[str]
@@ -105,9 +105,9 @@ def read_rows(source: TableOfLogs) -> pd.DataFrame:
 
 def _read_file(name: str) -> pd.DataFrame:
     content = read_bytes(name, LIMITS.most_list_bytes)
-    if content.startswith(b"PAR1"):
+    if is_parquet(content):
         return read_parquet_text(content)
-    text = workbook_text(content)[0] if is_workbook(content) else decoded(content)
+    text, _ = text_of(content)
     first = text.partition("\n")[0]
     check_size(text.count("\n"), len(first))
     return pd.read_csv(

@@ -102,6 +102,11 @@ def _read_rows(content: bytes, columns: list[str], width: int, **options: Any) -
         return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
 
 
+def is_parquet(content: bytes) -> bool:
+    """Whether a file is a Parquet table by its first bytes."""
+    return content.startswith(b"PAR1")
+
+
 def is_workbook(content: bytes) -> bool:
     """Whether a file is an XLSX by its first bytes."""
     return content.startswith(b"PK\3\4")
