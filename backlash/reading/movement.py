@@ -68,8 +68,10 @@ def _repeating_turns(
     tolerance = LIMITS.tolerance * level
     is_alike = np.abs(smooth[n:] - smooth[:-n]) < tolerance
     is_level = np.abs(np.abs(means) - level) < tolerance
-    first, last = _longest_run(np.where(is_alike & is_level, np.sign(means), 0.0))
-    return level, first, last + n if last > first else first
+    starts, lengths, states = runs_of(np.where(is_alike & is_level, np.sign(means), 0.0))
+    lengths *= states != 0
+    first, length = int(starts[lengths.argmax()]), int(lengths.max())
+    return level, first, first + length + n * (length > 0)
 
 
 def usual_speed(v: FloatArray, expected: float | None) -> float:
@@ -85,14 +87,6 @@ def usual_speed(v: FloatArray, expected: float | None) -> float:
     count = alike - np.arange(rising.size)
     best = count.argmax()
     return float(np.median(rising[best : alike[best]]))
-
-
-def _longest_run(state: FloatArray) -> tuple[int, int]:
-    """First and past-the-end index of the longest run of one value that is not 0; twice the same if there is none."""
-    starts, lengths = runs_of(state)
-    lengths *= state[starts] != 0
-    best = lengths.argmax()
-    return int(starts[best]), int(starts[best] + lengths[best])
 
 
 def _check_speed(level: float, options: LogOptions) -> None:

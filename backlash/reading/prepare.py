@@ -66,8 +66,7 @@ def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
         return samples.suspects[0].refusal()
     cell = table.doubtful.get(samples.columns.signal)
     if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
-        whole = cell.replace(".", "")
-        refusal.add(f"{cell} may be {whole}, its point a mark of thousands")
+        refusal.add(f"{cell} may be {cell.replace('.', '')}, its point a mark of thousands")
     if refusal.is_unusable:
         refusal.add_sheet(table.sheet)
     return refusal
@@ -76,33 +75,35 @@ def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
 def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
     """Time stamps [s] of the rows that have all numbers, the unit of the stamps, and the part that is asked for."""
     columns, options = samples.columns, samples.options
-    needed = [name for name in (columns.time, columns.signal, columns.torque) if name]
-    missing = frame[needed].isna().any(axis=1)
-    table = frame[~missing]
-    counts = {name: int(frame[name].notna().sum()) for name in needed if name != columns.time}
-    if len(table) < 3 <= min(counts.values()) and len(counts) > 1:
-        each = " and ".join(f"{name} (in {count:,} rows)" for name, count in counts.items())
-        raise Refusal(f"{each} never stand in one row; export them at the same instants")
+    names = [name for name in (columns.signal, columns.torque) if name]
+    needed = [columns.time, *names] if columns.time else names
+    is_whole = frame[needed].notna().all(axis=1)
+    table = frame[is_whole]
     if len(table) < 3:
+        counts = frame[names].count()
+        if columns.torque and counts.min() >= 3:
+            each = " and ".join(f"{name} (in {count:,} rows)" for name, count in counts.items())
+            raise Refusal(f"{each} never stand in one row; export them at the same instants")
         counted = f"{len(table)} sample{'s' * (len(table) != 1)} with {' and '.join(needed)}"
         raise Refusal(f"{counted}; a log of {LIMITS.least_turns} load turns is needed")
     if options.rate_hz:
-        t = np.flatnonzero(~missing) / options.rate_hz
+        t = np.flatnonzero(is_whole) / options.rate_hz
     else:
         t, unit = clock.read_times(table, columns.time, options.time_unit)
         columns = replace(columns, time_unit=unit)
-    incomplete = frame.loc[missing, needed].dropna(how="all")
+    incomplete = frame.loc[~is_whole, needed].dropna(how="all")
     if len(incomplete):
-        names = " or ".join(incomplete.columns[incomplete.isna().any()])
-        samples = samples.noting(f"left out {len(incomplete)} rows without {names}")
+        lacking = " or ".join(incomplete.columns[incomplete.isna().any()])
+        samples = samples.noting(f"left out {len(incomplete)} rows without {lacking}")
     clock.refuse_backward(t, table.index)
     chosen = (t >= options.start_s) & (t <= options.end_s)
-    if np.count_nonzero(chosen) < 3:
+    used = chosen.sum()
+    if used < 3:
         raise Refusal(f"no samples between --from and --to; the log lasts {t[-1]:.6g} s")
-    if not chosen.all():
-        samples = samples.noting(f"used {chosen.sum()} of {t.size} samples, by --from and --to")
+    if used < t.size:
+        samples = samples.noting(f"used {used} of {t.size} samples, by --from and --to")
     table = table[chosen]
-    signals = np.array([numeric_column(table, name) for name in needed if name != columns.time])
+    signals = np.array([numeric_column(table, name) for name in names])
     if np.ptp(signals[0]) == 0:
         raise Refusal(
             f"{columns.signal} never changes, it is {signals[0, 0]:g} throughout; "

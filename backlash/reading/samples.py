@@ -13,10 +13,18 @@ from backlash.refusals import Refusal
 from replication.signature import FloatArray
 
 
-def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First indices and lengths of the runs of equal values."""
+class Runs(NamedTuple):
+    """Runs of equal values: their first indices, lengths and values."""
+
+    starts: NDArray[np.int64]
+    lengths: NDArray[np.int64]
+    values: FloatArray
+
+
+def runs_of(signal: FloatArray) -> Runs:
+    """Find the runs of equal values."""
     starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
-    return starts, np.diff(starts, append=signal.size)
+    return Runs(starts, np.diff(starts, append=signal.size), signal[starts])
 
 
 class Suspect(NamedTuple):
@@ -77,7 +85,7 @@ class Samples:
         """Other samples of the same log, which are those of no row."""
         return replace(self, t=t, signals=signals, rows=self.rows[:0])
 
-    def when(self, chosen: slice = slice(None)) -> str:
+    def when(self, chosen: slice) -> str:
         """From when to when a part lasts, in words."""
         t = self.t[chosen]
         return f"from {t[0]:.3f} to {t[-1]:.3f} s after the log's first sample"

@@ -22,13 +22,10 @@ def _finest(signal: FloatArray) -> float:
 def refuse_zeros_between(samples: Samples) -> Samples:
     """Refuse rows of zeros between those of a motor that turns."""
     signal = samples.v
-    starts, lengths = runs_of(signal)
-    far = np.abs(signal) > 0.5 * np.median(np.abs(signal[signal != 0]))
-    inner = starts[(signal[starts] == 0) & (lengths < LIMITS.least_frozen)]
-    after = inner + lengths[np.searchsorted(starts, inner)]
-    is_between = (inner > 0) & (after < signal.size)
-    inner, after = inner[is_between], after[is_between]
-    zeros = inner[far[inner - 1] & far[after]]
+    starts, lengths, values = runs_of(signal)
+    is_far = np.abs(values) > 0.5 * np.median(np.abs(signal[signal != 0]))
+    is_zero = (values == 0) & (lengths < LIMITS.least_frozen)
+    zeros = starts[1:-1][is_zero[1:-1] & is_far[:-2] & is_far[2:]]
     if zeros.size > LIMITS.most_single * signal.size:
         raise Refusal(
             f"{samples.columns.signal} is 0 at {zeros.size:,} places between rows that are not; leave out the rows "
@@ -62,9 +59,8 @@ def mark_strays(samples: Samples) -> Samples:
 def mark_frozen(samples: Samples) -> Samples:
     """Suspect values that stand too long: a frozen signal, or a stand-in for what is missing."""
     for name, signal in samples.named_signals():
-        starts, lengths = runs_of(signal)
-        jumps = np.abs(np.diff(signal[starts], prepend=signal[0], append=signal[-1]))
-        finest = _finest(signal)
+        starts, lengths, values = runs_of(signal)
+        jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
         usual = lengths[lengths < LIMITS.longest_hold]
         share = 1 - usual.size / max(usual.sum(), 1)
         # As long as that no run of `share` repetitions is by chance.
@@ -73,12 +69,12 @@ def mark_frozen(samples: Samples) -> Samples:
             least = max(least, 3 - 3 * np.log(signal.size) / np.log(share))
         # A coarse signal that turns slowly goes on by one step.
         leap = np.maximum(jumps[:-1], jumps[1:])
-        is_leap = leap >= LIMITS.least_leap * finest
+        is_leap = leap >= LIMITS.least_leap * _finest(signal)
         # At a limit a signal is clipped, unless it gets there at once.
-        at_end = (signal[starts] == signal.max()) | (signal[starts] == signal.min())
+        at_end = (values == values.max()) | (values == values.min())
         is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
         if name == "speed":  # a motor at rest has one
-            is_leap &= np.abs(signal[starts]) > 0.05 * np.abs(signal).max()
+            is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
         is_frozen = is_leap & (lengths >= least)
         for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
             what = (
@@ -115,24 +111,19 @@ def keep_new_values(samples: Samples) -> Samples:
 
 def _is_not_held(signal: FloatArray) -> Mask:
     """Samples that do not repeat the one before, if that is no matter of coarse steps."""
-    starts, lengths = runs_of(signal)
-    jumps = np.abs(np.diff(signal[starts]))
+    starts, lengths, values = runs_of(signal)
     usual = lengths[lengths < LIMITS.longest_hold]
     is_new = np.ones(signal.size, dtype=bool)
-    if usual.size < LIMITS.least_samples or not jumps.size:
+    if usual.size < LIMITS.least_samples or values.size < 2:
         return is_new
-    is_coarse = np.median(jumps) < LIMITS.least_leap * _finest(signal)
-    is_often = np.mean(usual > 1) > LIMITS.least_held
-    if is_often and (not is_coarse or _is_multiple(usual)):
+    is_coarse = np.median(np.abs(np.diff(values))) < LIMITS.least_leap * _finest(signal)
+    # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
+    commonest = np.bincount(usual).argmax()
+    is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
+    if np.mean(usual > 1) > LIMITS.least_held and (is_regular or not is_coarse):
         is_new[:] = False
         is_new[starts] = True
     return is_new
-
-
-def _is_multiple(lengths: NDArray[np.int64]) -> bool:
-    """Whether nearly all lengths are multiples of the commonest, which is above one."""
-    most = int(np.bincount(lengths).argmax())
-    return most > 1 and float(np.mean(lengths % most == 0)) > LIMITS.most_regular
 
 
 def _is_knot(signal: FloatArray) -> Mask:
