@@ -64,14 +64,11 @@ class Estimate:
         """Whether the log could not be used."""
         return self.reason == Reason.UNUSABLE.value
 
-    def without_trace(self) -> dict[str, Any]:
-        """The attributes but the trace, in order."""
-        return {name: value for name, value in vars(self).items() if name != "trace"}
-
     def to_dict(self) -> dict[str, Any]:
         """The attributes but the trace, in order, ready for JSON, then the total play and the version."""
         half, ends = self.backlash_rad, self.backlash_interval_rad
-        return self.without_trace() | {
+        kept = {name: value for name, value in vars(self).items() if name != "trace"}
+        return kept | {
             "total_play_rad": None if half is None else 2 * half,
             "total_play_interval_rad": ends and (2 * ends[0], 2 * ends[1]),
             "version": __version__,

@@ -92,7 +92,7 @@ def run_batch(
         yield number, answer
         if journal:
             with journal.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"key": keys[number], **answer.without_trace()}) + "\n")
+                file.write(json.dumps({"key": keys[number]} | vars(answer)) + "\n")
 
 
 def _key(log: object, request: Request | Refusal) -> str:
@@ -110,16 +110,10 @@ def read_journal(journal: Path) -> dict[str, Estimate]:
         raise Refusal(f"{journal}: holds no answers of a run before; name another --out")
     for line in text.splitlines():
         with suppress(ValueError, TypeError, KeyError):
-            row = {name: _as_tuple(value) for name, value in json.loads(line).items()}
+            row = json.loads(line)
             key = row.pop("key")
             answers[key] = Estimate(**row)
     return answers
-
-
-def _as_tuple(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: tuple(pair) for name, pair in value.items()}
-    return tuple(value) if isinstance(value, list) else value
 
 
 def _examine_each(
@@ -169,16 +163,15 @@ def _escape(cell: object) -> object:
 
 
 def _row(answer: Estimate) -> dict[str, object]:
+    texts = {"reason": answer.reason or "", "notes": "; ".join(answer.notes)}
     row: dict[str, object] = {}
-    for name, value in answer.to_dict().items():
+    for name, value in (answer.to_dict() | texts).items():
         if "_interval_" in name:
-            for end, each in zip(("low", "high"), value or (np.nan, np.nan), strict=True):
-                row[name.replace("interval", end)] = each
+            ends = (name.replace("interval", end) for end in ("low", "high"))
+            row |= zip(ends, value or (np.nan, np.nan), strict=True)
         elif name == "joint":
             for quantity, (each, sd) in (value or {}).items():
                 row |= {quantity: each, f"{quantity}_sd": sd}
         else:
             row[name] = np.nan if value is None else value
-    row["reason"] = answer.reason or ""
-    row["notes"] = "; ".join(answer.notes)
     return row

@@ -22,8 +22,8 @@ TableOfLogs: TypeAlias = pd.DataFrame | str | PathLike[str]
 KEYS = ["joint", "date"]
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 _TEXTS = {"time", "speed", "position", "torque", "unit", "time_unit"}
-_TRUTHS = {"yes": True, "true": True, "y": True, "1": True}
-_TRUTHS |= {"no": False, "false": False, "n": False, "0": False}
+_TRUTHS = dict.fromkeys(("yes", "true", "y", "1"), True)
+_TRUTHS |= dict.fromkeys(("no", "false", "n", "0"), False)
 
 
 class Batch(NamedTuple):
@@ -47,7 +47,9 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     with naming(name):
         table = read_rows(source)
         _refuse_misspelt(table)
-    logs = _paths_of(source, table["file"])
+    logs = table["file"].tolist()
+    if not isinstance(source, pd.DataFrame):  # relative to the table
+        logs = [Path(source).parent / _text(cell).replace("\0", "?") for cell in logs]
     requests: list[Request | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
@@ -70,24 +72,19 @@ def find_logs(paths: Sequence[Path], out: Path | None = None) -> list[Path]:
     answers = os.path.realpath(out) if out else ""
     logs: dict[str, Path] = {}
     for path in paths:
-        inside = sorted(filter(_is_log, path.rglob("*"))) if path.is_dir() else [path]
+        inside = [path]
+        if path.is_dir():
+            inside = [
+                file
+                for file in sorted(path.rglob("*"))
+                if file.suffix.lower() in SUFFIXES and file.name[0] != "." and file.is_file()
+            ]
         files = {os.path.realpath(file): file for file in inside}
         files.pop(answers, None)
         if not files:
             raise Refusal(f"{path}: no logs in this folder; they end in {', '.join(SUFFIXES)}")
         logs |= files
     return list(logs.values())
-
-
-def _is_log(file: Path) -> bool:
-    return file.suffix.lower() in SUFFIXES and not file.name.startswith(".") and file.is_file()
-
-
-def _paths_of(source: TableOfLogs, names: pd.Series) -> list[Any]:
-    """Logs by their names, which in a file are relative to it."""
-    if isinstance(source, pd.DataFrame):
-        return names.tolist()
-    return [Path(source).parent / name.strip().replace("\0", "?") for name in names.fillna("")]
 
 
 def read_rows(source: TableOfLogs) -> pd.DataFrame:
@@ -137,24 +134,31 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
     Refusal
         A cell is not what its column holds.
     """
-    read = {name: cell for name, cell in row.items() if name in (*GIVEN, "date")}
-    options = {name: _value(name, cell) for name, cell in read.items() if not pd.isna(cell)}
+    options = {
+        name: _value(name, cell)
+        for name, cell in row.items()
+        if name in (*GIVEN, "date") and not pd.isna(cell)
+    }
     options.pop("date", None)
     return options
+
+
+def _text(cell: Any) -> str:
+    return "" if pd.isna(cell) else str(cell).strip()
 
 
 def _value(name: str, cell: Any) -> Any:
     """A cell as text, date, number, or yes and no, by its column's name."""
     if name in _TEXTS:
-        return str(cell).strip()
+        return _text(cell)
     wanted = "no number"
     try:
         if name == "date":
             wanted = "no date like 2024-03-17"
-            return pd.Timestamp(cell).tz_localize(None)
+            return pd.Timestamp(cell)
         if name == "trust_period":
             wanted = "neither yes nor no"
-            return _TRUTHS[str(cell).strip().lower()]
+            return _TRUTHS[_text(cell).lower()]
         return float(cell)
     except (ValueError, TypeError, KeyError) as error:
         raise Refusal(f"{name} is {str(cell)[:40]!r}, {wanted}") from error

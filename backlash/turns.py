@@ -46,8 +46,7 @@ def settled_turns(recording: Recording, signal: FloatArray) -> FloatArray:
     They are resampled, so that each has the same whole number of phases.
     """
     samples = recording.turn_period_s / recording.sample_s
-    whole = signal.size / samples
-    turns = int(whole - 0.5) if whole > 2.5 else int(whole + 1e-6)
+    turns = int(signal.size / samples - 0.5)
     if turns < 1 or samples < 16:
         raise ValueError(
             f"{turns} settled turns of {samples:.0f} samples; one turn of 16 is needed"
@@ -60,22 +59,17 @@ def settled_turns(recording: Recording, signal: FloatArray) -> FloatArray:
 
 
 def harmonics(recording: Recording, signal: FloatArray, fastest_hz: float) -> Harmonics:
-    """Harmonics of the mean settled turn up to a frequency, or to 0.45 of the sampling rate."""
+    """Harmonics of the mean of two settled turns or more up to a frequency, or to 0.45 of the sampling rate."""
     rows = settled_turns(recording, signal)
     turns, y = len(rows), rows.ravel()
-    if turns > 1:
-        drift = (rows[-1].mean() - rows[0].mean()) / (y.size - rows.shape[1])
-        y = y - drift * np.arange(y.size)
+    drift = (rows[-1].mean() - rows[0].mean()) / (y.size - rows.shape[1])
+    y = y - drift * np.arange(y.size)
     bins = np.fft.rfft(y) / y.size
     last = int(min(fastest_hz, 0.45 / recording.sample_s) * recording.turn_period_s)
     order = np.arange(1, last + 1)
     power = np.abs(bins[: bins.size // turns * turns].reshape(-1, turns)[:, 1:]) ** 2 / 2
     # Row k lies between harmonics k and k + 1.
-    beside = (
-        uniform_filter1d(power.mean(axis=1), 2 * _BESIDE, mode="nearest")
-        if turns > 1
-        else np.zeros(last + 1)
-    )
+    beside = uniform_filter1d(power.mean(axis=1), 2 * _BESIDE, mode="nearest")
     omega = np.asarray(TURN / recording.turn_period_s * order, dtype=float)
     return Harmonics(order, omega, bins[turns * order], np.sqrt(beside[order]))
 

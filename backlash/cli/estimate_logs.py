@@ -89,8 +89,7 @@ def run(options: argparse.Namespace) -> int:
     if journal:
         journal.unlink(missing_ok=True)
     if options.json:
-        rows = zip(keys, answers, strict=True)
-        content = [key | answer.to_dict() for key, answer in rows]
+        content = [keys[number] | answer.to_dict() for number, answer in enumerate(answers)]
         print(json.dumps(content, indent=1, allow_nan=False))
     if len(bad) == count:
         which = "" if count == 1 else f"none of {count} logs is usable; the first: "

@@ -56,7 +56,7 @@ def read_parquet(content: bytes) -> pd.DataFrame:
     with _unpacking():
         schema = _schema_of(content)
         numeric = [field.name for field in schema if str(field.type).startswith(_NUMERIC)]
-        table = _read_rows(content, numeric, len(schema))
+        table = _read_rows(content, numeric)
         frame = table.to_pandas(ignore_metadata=True).reindex(columns=schema.names)
     frame.index = frame.index + 1
     return frame
@@ -68,7 +68,7 @@ def read_parquet_text(content: bytes) -> pd.DataFrame:
     with _unpacking():
         schema = _schema_of(content)
         texts = [f.name for f in schema if types.is_large_string(f.type) or types.is_string(f.type)]
-        table = _read_rows(content, schema.names, len(schema), read_dictionary=texts)
+        table = _read_rows(content, schema.names, read_dictionary=texts)
         if sum(map(_unpacked_bytes, table.select(texts).columns)) > LIMITS.most_list_bytes:
             raise Refusal(f"its texts unpack to more than {LIMITS.most_list_bytes // 2**20} MiB")
         return table.to_pandas()
@@ -89,15 +89,16 @@ def _schema_of(content: bytes) -> Any:
     return parquet.read_schema(io.BytesIO(content))
 
 
-def _read_rows(content: bytes, columns: list[str], width: int, **options: Any) -> Any:
+def _read_rows(content: bytes, columns: list[str], **options: Any) -> Any:
     """Read some columns of a Parquet table, row by row: its footer may say that there are fewer than there are."""
     parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
     batches, rows = [], 0
     with parquet.ParquetFile(io.BytesIO(content), **options) as file:
-        check_size(file.metadata.num_rows, max(width, 1))
+        width = max(len(file.schema_arrow), 1)
+        check_size(file.metadata.num_rows, width)
         for batch in file.iter_batches(columns=columns, use_threads=False):
             rows += batch.num_rows
-            check_size(rows, max(width, 1))
+            check_size(rows, width)
             batches.append(batch)
         return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
 

