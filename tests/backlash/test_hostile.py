@@ -2,6 +2,7 @@
 
 import gzip
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -36,26 +37,26 @@ def mutated(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(made)
 
 
-def check_reading(path, form=TURN) -> None:
-    """Columns that were read, or a refusal: a line, and no traceback."""
+def random_cells(rng: np.random.Generator) -> bytes:
+    return "".join(rng.choice(CELLS, rng.integers(1, 200))).encode()
+
+
+FUZZED = [*product([*KINDS], range(12)), *product(["cells"], range(150))]
+
+
+@pytest.mark.parametrize(("kind", "seed"), FUZZED)
+def test_what_is_changed_at_random_is_read_or_refused_in_one_line(kind, seed, tmp_path):
+    form = TURN
+    if kind == "cells":
+        content = random_cells(np.random.default_rng(seed))
+        given = {"unit": "rps", "rate_hz": 500.0} if seed % 2 else {"time": "1", "speed": "2"}
+        form = replace(TURN, **given)
+    else:
+        rng = np.random.default_rng(([*KINDS].index(kind), seed))
+        content = mutated(KINDS[kind](tmp_path), rng)
     try:
-        line = open_log(path, form).columns
+        line = open_log(file(tmp_path, content, "log"), form).columns
     except Refusal as refusal:
         line = str(refusal)
     assert 0 < len(line) < 1000
     assert line.isprintable()
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(12))
-def test_a_mutated_log_is_read_or_refused_in_one_line(kind, seed, tmp_path):
-    rng = np.random.default_rng(([*KINDS].index(kind), seed))
-    check_reading(file(tmp_path, mutated(KINDS[kind](tmp_path), rng), "log"))
-
-
-@pytest.mark.parametrize("seed", range(150))
-def test_a_file_of_random_cells_is_read_or_refused_in_one_line(seed, tmp_path):
-    rng = np.random.default_rng(seed)
-    words = "".join(rng.choice(CELLS, rng.integers(1, 200)))
-    given = {"unit": "rps", "rate_hz": 500.0} if seed % 2 else {"time": "1", "speed": "2"}
-    check_reading(file(tmp_path, words, "log"), replace(TURN, **given))
