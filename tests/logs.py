@@ -71,8 +71,16 @@ def rewritten(path, change: dict[str, bytes]):
     return path
 
 
-def opened(t, v, form=TURN, name="speed [rps]") -> Log:
-    return open_log(pd.DataFrame({"time": t, name: v}), form)
+T, V = noisy().t, noisy().v
+
+
+def frame(v=V, t=T, name="speed [rps]", **others) -> pd.DataFrame:
+    """A log as a table; the speed goes on from its start where there are more stamps."""
+    return pd.DataFrame({"time": t, name: np.resize(v, len(t)), **others})
+
+
+def opened(v=V, form=TURN, t=T, name="speed [rps]", **others) -> Log:
+    return open_log(frame(v, t, name, **others), form)
 
 
 def refusal(source, form=TURN) -> str:

@@ -8,9 +8,8 @@ import pytest
 
 from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
-from tests.logs import TURN, file, noisy, opened, refusal, text
+from tests.logs import TURN, T, V, file, frame, opened, refusal, text
 
-T, V = noisy().t, noisy().v
 EPOCH = 1_710_000_000
 # Seconds as a file may have them, and the unit in which they are read.
 STAMPS = {
@@ -25,14 +24,10 @@ STAMPS = {
 }
 
 
-def frame(t, v=V, name="time") -> pd.DataFrame:
-    return pd.DataFrame({name: t, "speed [rps]": np.resize(v, len(t))})
-
-
 @pytest.mark.parametrize("kind", STAMPS)
 def test_stamps_of_every_unit_are_read_and_it_is_named(kind):
     name, stamps, unit = STAMPS[kind]
-    log = open_log(frame(stamps, name=name), TURN)
+    log = open_log(frame(t=stamps).rename(columns={"time": name}), TURN)
     np.testing.assert_allclose(log.recording.t, T, atol=2e-5)
     np.testing.assert_allclose(log.recording.v, V, atol=0.05)
     assert f"time {name!r} [{unit}]" in log.columns
@@ -46,7 +41,8 @@ def test_stamps_of_every_unit_are_read_and_it_is_named(kind):
     ],
 )
 def test_a_unit_of_time_that_is_not_known_is_asked_for(name, stamps, unit):
-    log, form = frame(stamps, name=name), replace(TURN, time=name)
+    log = frame(t=stamps).rename(columns={"time": name})
+    form = replace(TURN, time=name)
     assert "--time-unit" in refusal(log, form)
     read = open_log(log, replace(form, time_unit=unit)).recording
     np.testing.assert_allclose(read.t, T, atol=2e-5)
@@ -70,11 +66,11 @@ def bursts(together: int) -> np.ndarray:
     ],
 )
 def test_stamps_that_cannot_be_are_refused_for_what_they_are(t, why):
-    assert why in refusal(frame(t))
+    assert why in refusal(frame(t=t))
 
 
 def test_at_a_given_rate_stamps_are_ignored_and_rows_without_a_number_stay_holes(tmp_path):
-    assert opened(bursts(4), V, replace(TURN, rate_hz=500.0)).recording.t[-1] > 4.7
+    assert opened(V, replace(TURN, rate_hz=500.0), bursts(4)).recording.t[-1] > 4.7
     rows = text("a,speed [rps]").splitlines()
     rows[500:503] = ["", "0.9,", ""]
     log = open_log(file(tmp_path, "\n".join(rows)), replace(TURN, rate_hz=500.0))
@@ -83,7 +79,7 @@ def test_at_a_given_rate_stamps_are_ignored_and_rows_without_a_number_stay_holes
 
 
 def test_samples_that_a_polling_logger_repeats_are_merged_and_that_is_noted():
-    log = opened(np.repeat(T, 3), np.repeat(V, 3))
+    log = opened(np.repeat(V, 3), t=np.repeat(T, 3))
     np.testing.assert_allclose(log.recording.v, V)
     assert "merged 4802 rows with the time stamp of the next" in log.notes
 
@@ -91,10 +87,10 @@ def test_samples_that_a_polling_logger_repeats_are_merged_and_that_is_noted():
 def test_the_least_rate_is_that_of_the_joints_ring():
     t = np.arange(1200) / 100
     v = np.interp(t % 4.8, T, V)
-    assert "below 252 Hz the peaks" in opened(t, v).notes[0]
-    assert opened(t, v, replace(TURN, ring_hz=8.0)).notes == ()
+    assert "below 252 Hz the peaks" in opened(v, t=t).notes[0]
+    assert opened(v, replace(TURN, ring_hz=8.0), t).notes == ()
     assert "a ring of 30 Hz after an impact needs 120 Hz" in refusal(
-        frame(t, v), replace(TURN, ring_hz=30.0)
+        frame(v, t), replace(TURN, ring_hz=30.0)
     )
 
 
@@ -119,7 +115,7 @@ def test_samples_are_put_back_on_their_grid_and_only_holes_are_filled(kind):
     rng = np.random.default_rng(1)
     v = 100 + np.sin(5 * t) + rng.normal(0, 0.1, t.size)
     sampled = np.delete(np.arange(t.size), lost)
-    log = opened(stamps(t, rng.uniform(0, 0.8, t.size))[sampled], v[sampled])
+    log = opened(v[sampled], t=stamps(t, rng.uniform(0, 0.8, t.size))[sampled])
     assert log.recording.t[1] == pytest.approx(1 / rate, rel=1e-5)
     assert log.recording.t.size == t.size
     np.testing.assert_allclose(log.recording.v[sampled], v[sampled], rtol=1e-12)
@@ -132,7 +128,7 @@ def test_the_jitter_of_a_position_is_told_apart_and_undone(are_true):
     stamps = t + np.random.default_rng(4).uniform(-1e-4, 1e-4, t.size)
     at = stamps if are_true else t
     turns = 100 * at - 0.6 * np.cos(2 * np.pi * 20 * at) / (2 * np.pi * 20)
-    recording = opened(stamps, turns, replace(TURN, unit="turns"), "position").recording
+    recording = opened(turns, replace(TURN, unit="turns"), stamps, "position").recording
     middle = recording.t + 1e-3 + (stamps - t).mean()
     assert (recording.v - 100 - 0.6 * np.sin(2 * np.pi * 20 * middle)).std() < 0.01
 
@@ -142,7 +138,7 @@ def test_a_clock_that_drifts_is_followed_and_no_sample_is_made_beyond_the_last()
     true = true[np.random.default_rng(8).random(true.size) > 0.01]
     v = np.interp(true % 4.8, T, V)
     stamps = true + 20 / 490 * np.sin(np.pi * true / 10)
-    log = opened(stamps, v, LogOptions(turn_period_s=1.0))
+    log = opened(v, LogOptions(turn_period_s=1.0), stamps)
     assert "resampled" in " ".join(log.notes)
     assert np.abs(log.recording.v - np.interp(log.recording.t, stamps, v)).std() < 0.05
     assert np.ptp(log.recording.v) < np.ptp(v) + 0.2
@@ -151,7 +147,7 @@ def test_a_clock_that_drifts_is_followed_and_no_sample_is_made_beyond_the_last()
 def test_of_a_log_with_a_gap_the_side_where_the_motor_goes_farther_is_used():
     v = np.concatenate([np.zeros(3000), V])
     t = 2e-3 * np.arange(v.size) + np.where(np.arange(v.size) >= 3000, 0.1234, 0.0)
-    log = opened(t, v)
+    log = opened(v, t=t)
     np.testing.assert_array_equal(log.recording.v, V)
     assert "used what is between two gaps, from 6.123 to 10.923 s" in log.notes[0]
 
@@ -159,7 +155,8 @@ def test_of_a_log_with_a_gap_the_side_where_the_motor_goes_farther_is_used():
 def test_of_a_log_that_goes_to_and_fro_the_longest_stretch_is_used():
     rest, ramp = np.zeros(150), np.linspace(0, -100, 200)
     v = np.concatenate([rest, V[:1100], rest, ramp, -V, ramp[::-1], rest, V[:1100]])
-    log = opened(2e-3 * np.arange(v.size), v + np.random.default_rng(1).normal(0, 0.01, v.size))
+    v += np.random.default_rng(1).normal(0, 0.01, v.size)
+    log = opened(v, t=2e-3 * np.arange(v.size))
     assert 0.9 * V.size < log.recording.v.size <= V.size
     assert abs(log.recording.v - 100).max() < 1.5
     assert any("turns backward" in note for note in log.notes)
@@ -168,8 +165,8 @@ def test_of_a_log_that_goes_to_and_fro_the_longest_stretch_is_used():
 def test_the_part_between_from_and_to_is_used():
     v = V.copy()
     v[3] = 1e9
-    log = opened(T + 7.0, v, replace(TURN, start_s=1.0, end_s=4.0))
+    log = opened(v, replace(TURN, start_s=1.0, end_s=4.0), T + 7.0)
     np.testing.assert_array_equal(log.recording.v, V[500:2001])
     assert "no samples between --from and --to; the log lasts 4.8 s" in refusal(
-        frame(T), replace(TURN, start_s=10.0)
+        frame(), replace(TURN, start_s=10.0)
     )

@@ -8,7 +8,7 @@ import pytest
 
 from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
-from tests.logs import TURN, file, noisy, opened, refusal, text
+from tests.logs import TURN, T, V, file, opened, refusal, text
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
@@ -23,6 +23,7 @@ SPELLINGS = {
 ASKED = [
     *("speed", "velocity[0]", "speed %", "speed rpm/1000", "speed [rpm] (x10)", "speed [m/s]"),
     *("speed (filtered)", "speed in 0.01 rpm"),
+    *("speed_kHz", "speed [kHz]", "speed_krpm", "speed_kRPM"),
 ]
 # The columns beside the time, and which of them is read; none where the user is asked.
 CHOICES = [
@@ -45,28 +46,26 @@ CHOICES = [
 def frame(names) -> pd.DataFrame:
     """Columns of the speed, each a percent slower than the one before, beside the time."""
     columns = {
-        name: 2e-3 * np.cumsum(noisy().v)
-        if "rev" in name
-        else (60 if "rpm" in name else 1) * noisy().v * 0.99**k
+        name: 2e-3 * np.cumsum(V) if "rev" in name else (60 if "rpm" in name else 1) * V * 0.99**k
         for k, name in enumerate(names)
     }
-    return pd.DataFrame({"time": noisy().t, **columns})
+    return pd.DataFrame({"time": T, **columns})
 
 
 @pytest.mark.parametrize(
     ("unit", "name"), [(u, name) for u, names in SPELLINGS.items() for name in names]
 )
 def test_a_column_is_read_in_the_unit_of_its_name_and_both_are_in_the_answer(unit, name):
-    log = opened(noisy().t, PER_TURN[unit] * noisy().v, TURN, name)
-    np.testing.assert_allclose(log.recording.v, noisy().v)
+    log = opened(PER_TURN[unit] * V, name=name)
+    np.testing.assert_allclose(log.recording.v, V)
     assert log.columns == f"time 'time' [s], speed {name!r} [{unit}], the motor's side"
 
 
 @pytest.mark.parametrize("name", ASKED)
 def test_a_speed_without_a_known_unit_is_asked_for(name):
     assert "is not known; give --unit (a speed's: rps, rpm" in refusal(frame([name]))
-    log = opened(noisy().t, 60 * noisy().v, replace(TURN, unit="rpm"), name)
-    np.testing.assert_allclose(log.recording.v, noisy().v)
+    log = opened(60 * V, replace(TURN, unit="rpm"), name=name)
+    np.testing.assert_allclose(log.recording.v, V)
 
 
 @pytest.mark.parametrize(("names", "chosen"), CHOICES)
@@ -86,7 +85,7 @@ def test_the_motors_measured_column_is_read_and_two_candidates_are_asked_about(n
     ],
 )
 def test_a_log_says_of_which_side_of_the_gear_it_is(name, form, is_load_side):
-    log = opened(noisy().t, noisy().v / (40.0 if form.gear_ratio == 1 else 1.0), form, name)
+    log = opened(V / (40.0 if form.gear_ratio == 1 else 1.0), form, name=name)
     assert log.is_load_side == is_load_side
     assert ("the joint's side" in log.columns) == is_load_side
 
@@ -129,12 +128,12 @@ def test_a_column_is_given_with_or_without_its_unit():
 
 @pytest.mark.parametrize("name", ["header.stamp", "time"])
 def test_the_time_of_the_sample_goes_before_that_of_its_receipt(name):
-    late = frame(["speed [rps]"]).assign(recv_time=np.round(noisy().t, 1))
+    late = frame(["speed [rps]"]).assign(recv_time=np.round(T, 1))
     assert open_log(late.rename(columns={"time": name}), TURN).columns.startswith(f"time {name!r}")
 
 
 def test_counts_per_turn_imply_counts_where_no_unit_is_named():
     form = replace(TURN, counts_per_turn=4096.0)
     for name, factor in (("speed", 4096.0), ("speed [rpm]", 60.0)):
-        v = opened(noisy().t, factor * noisy().v, form, name).recording.v
-        np.testing.assert_allclose(v, noisy().v)
+        v = opened(factor * V, form, name=name).recording.v
+        np.testing.assert_allclose(v, V)

@@ -3,20 +3,17 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from backlash.reading.columns import LogOptions
-from backlash.reading.prepare import open_log
 from backlash.refusals import Refusal
-from tests.logs import TURN, noisy, opened, refusal
+from tests.logs import TURN, T, V, frame, opened, refusal
 
-T, V = noisy().t, noisy().v
 TORQUE = 3 + np.sin(2 * np.pi * T / 0.4) + 0.01 * V
 
 
 def evenly(v, form=TURN, dt=2e-3):
-    return opened(dt * np.arange(len(v)), v, form)
+    return opened(v, form, dt * np.arange(len(v)))
 
 
 @pytest.mark.parametrize(
@@ -31,14 +28,14 @@ def evenly(v, form=TURN, dt=2e-3):
 def test_a_position_is_unwrapped_and_differentiated(scale, wrap, given):
     position = scale * np.cumsum(V) * 2e-3
     position = position if wrap is None else position % wrap
-    log = opened(T, position, replace(TURN, **given), "position")
+    log = opened(position, replace(TURN, **given), name="position")
     np.testing.assert_allclose(log.recording.v, V[1:], atol=1e-4)
     assert any("unwrapped" in note for note in log.notes) == (wrap is not None)
 
 
 def test_a_commanded_speed_resolves_an_encoder_that_wraps_faster_than_it_is_sampled():
     turns = (np.cumsum(V) * 2e-3 * 3.5) % 1.0  # 0.7 turns a sample
-    log = opened(T, turns, replace(TURN, commanded_speed_rps=350.0), "position [turns]")
+    log = opened(turns, replace(TURN, commanded_speed_rps=350.0), name="position [turns]")
     np.testing.assert_allclose(log.recording.v, 3.5 * V[1:], atol=1e-6)
 
 
@@ -95,21 +92,12 @@ def test_within_a_turn_the_speed_may_do_what_the_drive_lets_it(wave, form):
     assert v.min() - 1 < log.recording.v.min()
 
 
-def with_torque(torque) -> pd.DataFrame:
-    return pd.DataFrame({"time": T, "speed [rps]": V, "I [A]": torque})
-
-
 def test_a_torque_that_is_missing_for_some_rows_is_filled_and_that_is_noted():
     torque = TORQUE.copy()
     torque[[700, 701, 1500]] = np.nan
-    log = open_log(with_torque(torque), replace(TURN, torque="I [A]"))
+    form = replace(TURN, torque="moment")
+    log = opened(V, form, moment=torque)
     np.testing.assert_allclose(log.torque, TORQUE, atol=0.02)
-    assert "left out 3 rows without I [A]" in log.notes
+    assert "left out 3 rows without moment" in log.notes
     torque[200:2200] = np.nan
-    assert "too short: 1.0 load turns" in refusal(with_torque(torque), replace(TURN, torque="I"))
-
-
-@pytest.mark.parametrize("limits", [(-9.0, 4.2), (3.2, 9.0)])
-def test_a_clipped_torque_is_named(limits):
-    sentence = refusal(with_torque(np.clip(TORQUE, *limits)), replace(TURN, torque="I"))
-    assert "the torque is clipped at" in sentence
+    assert "too short: 1.0 load turns" in refusal(frame(moment=torque), form)

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import open_log
 from backlash.torque.answer import refuse_averaged
 from replication.records import Recording
-from tests.logs import TURN, file, noisy, refusal, refused_for
+from tests import logs
+from tests.logs import TURN, T, V, file, refusal, refused_for
 
-T, V = noisy().t, noisy().v
 RNG = np.random.default_rng(3)
 TORQUE = 3 + 10 * np.sin(2 * np.pi * T / 0.4) + RNG.normal(0, 0.3, T.size)
 WITH_TORQUE = replace(TURN, torque="torque")
@@ -20,7 +21,7 @@ K = np.arange(T.size)
 
 
 def frame(v=V, torque=TORQUE, t=T) -> pd.DataFrame:
-    return pd.DataFrame({"time": t, "speed [rps]": v, "torque": torque})
+    return logs.frame(v, t, torque=torque)
 
 
 def changed(signal, at, to):
@@ -83,6 +84,12 @@ REFUSED = {
         frame(t=K),
         "its stamps count the samples, one by one: give --rate",
     ),
+    "a clipped torque": (frame(torque=np.clip(TORQUE, -99, 11)), "the torque is clipped at 11 in"),
+    "one clipped below": (frame(torque=np.clip(TORQUE, -6, 99)), "the torque is clipped at -6 in"),
+    "a motor slower than its load": (
+        frame(V / 60),
+        "the motor makes 0.67 turns in a load turn of 0.4 s",
+    ),
 }
 
 
@@ -134,13 +141,13 @@ def test_of_held_values_the_new_ones_are_used_where_they_come_often_enough():
 def test_a_position_that_starts_anew_after_whole_turns_or_counts_is_unwrapped(modulus, counts):
     position = np.cumsum(V) * 2e-3 % modulus * (counts or 1)
     options = replace(TURN, counts_per_turn=counts) if counts else replace(TURN, unit="turns")
-    read = open_log(pd.DataFrame({"time": T, "position": position}), options)
+    read = logs.opened(position, options, name="position")
     np.testing.assert_allclose(read.recording.v, V[1:], atol=1e-3)
     assert f"the position starts anew every {modulus} motor turns" in read.notes[0]
 
 
 def test_a_position_that_starts_anew_within_a_turn_is_asked_about():
-    log = pd.DataFrame({"time": T, "position": np.cumsum(V) * 2e-3 % 7.3})
+    log = logs.frame(np.cumsum(V) * 2e-3 % 7.3, name="position")
     assert "starts anew every 7.3 turns" in refusal(log, replace(TURN, unit="turns"))
 
 
@@ -152,16 +159,6 @@ def test_a_commanded_speed_checks_and_changes_nothing(given):
         plain.commanded_speed_rps,
         plain.t.size,
     )
-
-
-@pytest.mark.parametrize("name", ["speed_kHz", "speed [kHz]", "speed_krpm", "speed_kRPM"])
-def test_a_unit_with_a_prefix_is_not_read_as_one_without(name):
-    assert "is not known; give --unit" in refusal(pd.DataFrame({"time": T, name: V}))
-
-
-def test_a_motor_that_turns_less_than_its_load_has_another_unit():
-    log = pd.DataFrame({"time": T, "speed [rps]": V / 60})
-    assert "the motor makes 0.67 turns in a load turn of 0.4 s" in refusal(log)
 
 
 GERMAN = "Zeit [ms];Drehzahl [1/min];Moment\n"
@@ -177,18 +174,21 @@ def test_points_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_
     assert "Moment: '1.024' beside '987' is 1024 by its mark of thousands" in sentence
 
 
-def averaged(window: int) -> np.ndarray:
-    padded = np.concatenate([TORQUE[:window], TORQUE])
-    return np.convolve(padded, np.ones(window) / window)[window : window + T.size]
+def mean_of(width: int) -> np.ndarray:
+    padded = np.concatenate([TORQUE[:width], TORQUE])
+    return np.convolve(padded, np.ones(width) / width)[width : width + T.size]
 
 
-@pytest.mark.parametrize(("window", "is_refused"), [(1, False), (3, False), (7, True), (13, True)])
-def test_a_running_mean_of_the_torque_is_refused_and_a_short_one_is_not(window, is_refused):
-    with refused_for(f"a running mean over {2 * window} ms" if is_refused else None):
-        refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), averaged(window))
-
-
-def test_a_low_passed_torque_is_no_running_mean():
-    from scipy.signal import lfilter
-
-    refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), lfilter([0.3], [1, -0.7], TORQUE))
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [
+        (TORQUE, None),
+        (mean_of(3), None),
+        (mean_of(7), "a running mean over 14 ms"),
+        (mean_of(13), "a running mean over 26 ms"),
+        (lfilter([0.3], [1, -0.7], TORQUE), None),
+    ],
+)
+def test_a_running_mean_is_refused_and_neither_a_short_one_nor_a_low_pass(torque, words):
+    with refused_for(words):
+        refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), torque)
