@@ -105,7 +105,7 @@ def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
         samples=log.recording.t.size,
         turn_period_s=log.recording.turn_period_s,
         speed_rps=float(log.recording.v.mean()),
-        columns=log.columns,
+        columns=str(log.columns),
         notes=(*log.notes, *([str(request.load)] if request.load else [])),
     )
 
@@ -159,7 +159,7 @@ def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
     assert log.torque is not None  # without one no load is asked for
     fit = fit_torque(log.recording, log.torque, load)
-    if fit.is_none and log.is_load_side:
+    if fit.is_none and log.columns.is_load_side:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
             Reason.JOINTS_SIDE,

@@ -20,15 +20,11 @@ from replication.signature import FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Log:
-    """A log that was read: its record of constant speed, and what was said and assumed of it."""
+class Log(Samples):
+    """A log that was read, with its record of constant speed."""
 
-    sha256: str | None  # of the file's bytes
     recording: Recording
-    notes: tuple[str, ...]
-    torque: FloatArray | None  # of the motor at the recording's samples, in the log's unit
-    columns: str  # that were read, with their units, the sheet and the side of the gear
-    is_load_side: bool  # of the gear; else the motor's
+    sha256: str | None  # of the file's bytes
 
 
 def open_log(
@@ -47,17 +43,10 @@ def open_log(
         error = _true_cause(refusal, samples, table)
         if table.sha256 and error.is_unusable:
             error.file = name_of(source)
-        error.columns = samples.columns.describe()
+        error.columns = str(samples.columns)
         error.notes = samples.notes
         raise error from refusal
-    return Log(
-        sha256=table.sha256,
-        recording=recording,
-        notes=samples.notes,
-        torque=samples.signals[1] if samples.columns.torque else None,
-        columns=samples.columns.describe(),
-        is_load_side=samples.columns.is_load_side,
-    )
+    return Log(**vars(samples), recording=recording, sha256=table.sha256)
 
 
 def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:

@@ -30,14 +30,13 @@ def runs_of(signal: FloatArray) -> Runs:
 class Suspect(NamedTuple):
     """Samples whose values may be none of a measurement."""
 
-    t: FloatArray
-    rows: pd.Index
+    t: pd.Series  # by rows
     what: str  # with a place for their count
     is_of_movement: bool  # of the speed or position
 
-    def refusal(self, used: NDArray[np.bool_] | slice = slice(None)) -> Refusal:
-        """Why a log cannot be used that has some of them."""
-        return Refusal(self.what.format(count=self.t[used].size), row=self.rows[used][0])
+    def refusal(self) -> Refusal:
+        """Why a log cannot be used that has them."""
+        return Refusal(self.what.format(count=self.t.size), row=self.t.index[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +61,11 @@ class Samples:
         """The speed [rps], or position [turns] until it is differentiated."""
         return self.signals[0]
 
+    @property
+    def torque(self) -> FloatArray | None:
+        """Of the motor, in the log's unit."""
+        return self.signals[1] if self.columns.torque else None
+
     def named_signals(self) -> Iterator[tuple[str, FloatArray]]:
         """The signals with what they are called."""
         names = ("position" if self.columns.is_position else "speed", "torque")
@@ -69,7 +73,7 @@ class Samples:
 
     def suspecting(self, name: str, chosen: NDArray[np.int64], what: str) -> "Samples":
         """The same samples with some of them suspected in the signal of a name."""
-        suspect = Suspect(self.t[chosen], self.rows[chosen], what, name != "torque")
+        suspect = Suspect(pd.Series(self.t, self.rows).iloc[chosen], what, name != "torque")
         return replace(self, suspects=(*self.suspects, suspect))
 
     def noting(self, note: str) -> "Samples":

@@ -179,7 +179,7 @@ def refuse_clipping(samples: Samples) -> Samples:
 def refuse_suspects(samples: Samples) -> Samples:
     """Refuse what was suspected within the samples that are used."""
     for suspect in samples.suspects:
-        is_used = (suspect.t >= samples.t[0]) & (suspect.t <= samples.t[-1])
-        if is_used.any():
-            raise suspect.refusal(is_used)
+        used = suspect.t[suspect.t.between(samples.t[0], samples.t[-1])]
+        if used.size:
+            raise suspect._replace(t=used).refusal()
     return samples

@@ -58,7 +58,7 @@ def frame(names) -> pd.DataFrame:
 def test_a_column_is_read_in_the_unit_of_its_name_and_both_are_in_the_answer(unit, name):
     log = opened(PER_TURN[unit] * V, name=name)
     np.testing.assert_allclose(log.recording.v, V)
-    assert log.columns == f"time 'time' [s], speed {name!r} [{unit}], the motor's side"
+    assert str(log.columns) == f"time 'time' [s], speed {name!r} [{unit}], the motor's side"
 
 
 @pytest.mark.parametrize("name", ASKED)
@@ -73,7 +73,7 @@ def test_the_motors_measured_column_is_read_and_two_candidates_are_asked_about(n
     if chosen is None:
         assert "give --speed" in refusal(frame(names))
     else:
-        assert repr(chosen) in open_log(frame(names), TURN).columns
+        assert repr(chosen) in str(open_log(frame(names), TURN).columns)
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_the_motors_measured_column_is_read_and_two_candidates_are_asked_about(n
 )
 def test_a_log_says_of_which_side_of_the_gear_it_is(name, form, is_load_side):
     log = opened(V / (40.0 if form.gear_ratio == 1 else 1.0), form, name=name)
-    assert log.is_load_side == is_load_side
-    assert ("the joint's side" in log.columns) == is_load_side
+    assert log.columns.is_load_side == is_load_side
+    assert ("the joint's side" in str(log.columns)) == is_load_side
 
 
 def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
@@ -95,7 +95,7 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     path = file(tmp_path, text(header, "{t:.4f},,on,{v:.5f},,{rpm:.3f},7"))
     log = open_log(path, replace(TURN, speed="4", torque="6"))
     np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
-    assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in log.columns
+    assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in str(log.columns)
     assert "'5' is empty in all 2,401 rows" in refusal(path, replace(TURN, speed="5", unit="rps"))
 
 
@@ -123,13 +123,13 @@ def test_columns_that_cannot_be_are_refused(names, given, why):
 
 def test_a_column_is_given_with_or_without_its_unit():
     log = open_log(frame(NAMES), replace(TURN, speed="Motor speed [rpm]", torque="current"))
-    assert "speed 'motor speed [rpm]' [rpm], torque 'current [A]'" in log.columns
+    assert "speed 'motor speed [rpm]' [rpm], torque 'current [A]'" in str(log.columns)
 
 
 @pytest.mark.parametrize("name", ["header.stamp", "time"])
 def test_the_time_of_the_sample_goes_before_that_of_its_receipt(name):
     late = frame(["speed [rps]"]).assign(recv_time=np.round(T, 1))
-    assert open_log(late.rename(columns={"time": name}), TURN).columns.startswith(f"time {name!r}")
+    assert open_log(late.rename(columns={"time": name}), TURN).columns.time == name
 
 
 def test_counts_per_turn_imply_counts_where_no_unit_is_named():

@@ -55,7 +55,7 @@ def test_what_is_changed_at_random_is_read_or_refused_in_one_line(kind, seed, tm
         rng = np.random.default_rng(([*KINDS].index(kind), seed))
         content = mutated(KINDS[kind](tmp_path), rng)
     try:
-        line = open_log(file(tmp_path, content, "log"), form).columns
+        line = str(open_log(file(tmp_path, content, "log"), form).columns)
     except Refusal as refusal:
         line = str(refusal)
     assert 0 < len(line) < 1000

@@ -174,7 +174,7 @@ def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, 
         writer.book.active = [*SHEETS].index(active)
     log = open_log(tmp_path / "log.xlsx", TURN)
     np.testing.assert_allclose(log.recording.v, SHEETS[read] * noisy().v)
-    assert f"sheet {read!r} (not 'hidden', " in log.columns
+    assert f"sheet {read!r} (not 'hidden', " in str(log.columns)
 
 
 def test_the_text_columns_of_parquet_are_left_out_and_counted(tmp_path):
