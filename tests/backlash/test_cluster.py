@@ -15,6 +15,7 @@ import pytest
 from backlash import batch
 from backlash.example import LOG
 from replication.files import ROOT
+from tests.logs import file
 
 GUIDE = (ROOT / "notebooks" / "guide.md").read_text("utf-8")
 SENSOR = f'exec "{sys.executable}" -m backlash "$@"\n'
@@ -29,41 +30,23 @@ def lines_of(name: str) -> str:
     return re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", GUIDE, re.DOTALL)[1]
 
 
-@pytest.fixture(scope="module")
-def answered_alone(tmp_path_factory) -> Path:
-    """A folder with a table of logs, the sensor's command, and what it answers in one process."""
-    folder = tmp_path_factory.mktemp("plant")
-    pd.DataFrame(
-        {
-            "file": [f"{number}.csv" for number in range(LOGS)],
-            "joint": [f"J{number}" for number in range(LOGS)],
-            "torque": "torque",
-            "gear_ratio": 100,
-            "inertia_ratio": 2,
-            "gravity_per_s2": 30,
-        }
-    ).to_csv(folder / "plant.csv", index=False)
+@pytest.fixture
+def plant(tmp_path, monkeypatch) -> Path:
+    """The folder to work in: a table of logs, the sensor's command, and what it answers in one process."""
+    rows = [f"{number}.csv,J{number},torque,100,2,30\n" for number in range(LOGS)]
+    header = "file,joint,torque,gear_ratio,inertia_ratio,gravity_per_s2\n"
+    file(tmp_path, header + "".join(rows), "plant.csv")
     log = pd.read_csv(LOG)
     for number in range(1, LOGS):  # the first one is missing
         noise = np.random.default_rng(number).normal(0, 1, len(log))
-        log.assign(**{SPEED: log[SPEED] + noise}).to_csv(folder / f"{number}.csv", index=False)
-    sensor = folder / "bin" / "backlash"
-    sensor.parent.mkdir()
-    sensor.write_text(f"#!/bin/sh\n{SENSOR}")
-    sensor.chmod(0o755)
-    alone = [sensor, *["estimate", "--batch", "plant.csv", "--jobs", "1", "--out", "alone.parquet"]]
-    variables = os.environ | {"PYTHONPATH": str(ROOT)}
-    subprocess.run(alone, check=True, capture_output=True, cwd=folder, env=variables)
-    return folder
-
-
-@pytest.fixture
-def plant(answered_alone, monkeypatch) -> Path:
-    """That folder, as the one to work in."""
-    monkeypatch.setenv("PATH", f"{answered_alone / 'bin'}{os.pathsep}{os.environ['PATH']}")
+        log.assign(**{SPEED: log[SPEED] + noise}).to_csv(tmp_path / f"{number}.csv", index=False)
+    file(tmp_path, f"#!/bin/sh\n{SENSOR}", "backlash").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    monkeypatch.chdir(answered_alone)
-    return answered_alone
+    monkeypatch.chdir(tmp_path)
+    alone = "backlash estimate --batch plant.csv --jobs 1 --out alone.parquet"
+    subprocess.run(alone, check=True, capture_output=True, shell=True)
+    return tmp_path
 
 
 def assert_same_rows(table: pd.DataFrame) -> None:

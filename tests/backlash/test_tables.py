@@ -16,7 +16,7 @@ from backlash.reading.limits import LIMITS
 from backlash.reading.prepare import open_log
 from backlash.reading.tables import read_table
 from backlash.refusals import Refusal
-from tests.logs import TURN, file, noisy, refusal, rewritten, table, text
+from tests.logs import TURN, T, V, file, frame, noisy, refusal, rewritten, table, text
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
 PLAIN = text()
@@ -28,18 +28,17 @@ LABVIEW = (
 )
 
 
-def line(number: int, changed: str | None) -> str:
-    """The plain log with one line changed, or left out."""
+def line(number: int, changed: str) -> str:
+    """The plain log with one line changed."""
     rows = PLAIN.splitlines()
-    rows[number - 1 : number] = [] if changed is None else [changed]
+    rows[number - 1] = changed
     return "\n".join(rows)
 
 
-def clocked(form: str, header="time,speed [rps]", start="2024-03-17 23:59:58") -> str:
+def clocked(form: str) -> str:
     """Stamps as dates and times of day, over midnight."""
-    stamps = pd.Timestamp(start) + pd.to_timedelta(noisy().t, unit="s")
-    rows = (f"{stamp:{form}},{v:.5f}" for stamp, v in zip(stamps, noisy().v, strict=True))
-    return "\n".join([header, *rows])
+    stamps = pd.Timestamp("2024-03-17 23:59:58") + pd.to_timedelta(T, unit="s")
+    return frame(t=stamps).to_csv(index=False, date_format=form)
 
 
 ANSWERED = {
@@ -131,11 +130,10 @@ REFUSED = {
 def test_a_log_is_read_however_it_is_written(kind, tmp_path):
     content = ANSWERED[kind]
     log = open_log(file(tmp_path, content, "log"), TURN)
-    start = int(np.correlate(noisy().v - 100, log.recording.v[:2000] - 100, "valid").argmax())
-    apart = np.abs(log.recording.v[:2000] - noisy().v[start : start + 2000])
+    # Rows at the start may be missing.
+    apart = np.abs(log.recording.v[-2390:] - V[-2390:])
     assert np.quantile(apart, 0.98) < 0.03
     assert log.recording.t[1] == pytest.approx(2e-3, rel=1e-6)
-    assert log.recording.v.size >= 2390
 
 
 @pytest.mark.parametrize("kind", REFUSED)
@@ -150,7 +148,7 @@ def test_what_cannot_be_read_is_refused_in_one_line_that_says_why(kind, tmp_path
 def test_a_table_without_names_is_read_by_number(tmp_path):
     path = file(tmp_path, text("", "{t:.4f},{v:.5f},7"))
     log = open_log(path, replace(TURN, time="1", speed="2", unit="rps"))
-    np.testing.assert_allclose(log.recording.v, noisy().v, atol=1e-4)
+    np.testing.assert_allclose(log.recording.v, V, atol=1e-4)
     assert "give --unit" in refusal(file(tmp_path, text("")))
 
 
@@ -168,12 +166,12 @@ SHEETS = {"hidden": 2.0, "other": 0.5, "run": 1.0}
 def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, tmp_path):
     with pd.ExcelWriter(tmp_path / "log.xlsx") as writer:
         for name, factor in SHEETS.items():
-            rows = {"time": noisy().t, "state": None, "speed\n[rps]": factor * noisy().v}
+            rows = {"time": T, "state": None, "speed\n[rps]": factor * V}
             pd.DataFrame(rows).to_excel(writer, sheet_name=name, startrow=1, index=False)
         writer.book["hidden"].sheet_state = "hidden"
         writer.book.active = [*SHEETS].index(active)
     log = open_log(tmp_path / "log.xlsx", TURN)
-    np.testing.assert_allclose(log.recording.v, SHEETS[read] * noisy().v)
+    np.testing.assert_allclose(log.recording.v, SHEETS[read] * V)
     assert f"sheet {read!r} (not 'hidden', " in str(log.columns)
 
 
@@ -184,7 +182,7 @@ def test_the_text_columns_of_parquet_are_left_out_and_counted(tmp_path):
     frame.insert(1, "state", "moving")
     frame.to_parquet(tmp_path / "log.parquet")
     log = open_log(tmp_path / "log.parquet", replace(TURN, speed="3"))
-    np.testing.assert_allclose(log.recording.v, noisy().v)
+    np.testing.assert_allclose(log.recording.v, V)
 
 
 SHEET = "xl/worksheets/sheet1.xml"
