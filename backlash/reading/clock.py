@@ -102,11 +102,10 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
             f"its rows stand only where {samples.columns.signal} changed ({missing:,} are missing between, no value "
             "repeats); log at a fixed rate"
         )
-    rate = (t.size - 1) / (t[-1] - t[0])
-    cure = f"--rate {rate:.6g}, if it was sampled evenly"
+    rate = f"{samples.rate_hz:.6g}"
     raise Refusal(
         f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented; "
-        f"there are {rate:.6g} samples a second: give {cure}"
+        f"there are {rate} samples a second: give --rate {rate}, if it was sampled evenly"
     )
 
 

@@ -196,8 +196,7 @@ def differentiate_position(samples: Samples) -> Samples:
 
 def average_fast(samples: Samples) -> Samples:
     """Means of neighbouring samples of a fast log; of a slow one it is noted what it is good for."""
-    t, ring_hz = samples.t, samples.options.ring_hz
-    rate = (t.size - 1) / (t[-1] - t[0])
+    t, rate, ring_hz = samples.t, samples.rate_hz, samples.options.ring_hz
     good_hz = LIMITS.good_rate * ring_hz
     if rate < good_hz:
         samples = samples.noting(

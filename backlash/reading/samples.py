@@ -57,6 +57,11 @@ class Samples:
         return float(self.t[1] - self.t[0])
 
     @property
+    def rate_hz(self) -> float:
+        """Samples a second, in the mean."""
+        return float((self.t.size - 1) / (self.t[-1] - self.t[0]))
+
+    @property
     def v(self) -> FloatArray:
         """The speed [rps], or position [turns] until it is differentiated."""
         return self.signals[0]

@@ -96,7 +96,7 @@ def keep_new_values(samples: Samples) -> Samples:
         return samples
     thinned = samples.at(slowest)
     steps = np.diff(thinned.t) / np.median(np.diff(thinned.t))
-    rate = (thinned.t.size - 1) / np.ptp(thinned.t)
+    rate = thinned.rate_hz
     note = f"{how} for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
     if np.mean(np.abs(steps - 1) > 0.5) > LIMITS.most_invented:
         raise Refusal(

@@ -73,6 +73,9 @@ def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
         ("--turn-period 0.4 --jobs 0 --out answers.csv", "--jobs 0"),
         ("--turn-period 0.4 --batch missing.csv", "give logs, or --batch"),
+        ("- --turn-period 0.4", "(the standard input) goes alone"),
+        ("other.csv --turn-period 0.4 --plot fit.png", "--plot: 2 logs; it shows one"),
+        ("--turn-period 0.4 --out no/answers.csv", "name a file in a folder that you may write"),
     ],
 )
 def test_what_is_wrong_is_one_line_and_status_2(log, options, words, capsys, monkeypatch):
@@ -92,6 +95,9 @@ def test_an_input_is_never_overwritten(log, capsys):
     notes.write_text("mine")
     assert command("estimate", log, SPEED, "--out", notes) == 2
     assert "not of this command" in capsys.readouterr().err
+    notes.rename(notes.with_name("answers.csv.kept"))
+    assert command("estimate", log, SPEED, "--out", log.with_name("answers.csv")) == 2
+    assert "holds no answers of a run before" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -17,20 +17,24 @@ def evenly(v, form=TURN, dt=2e-3):
 
 
 @pytest.mark.parametrize(
-    ("scale", "wrap", "given"),
+    ("per_turn", "modulus", "given"),
     [
-        (1.0, None, {"unit": "turns"}),
-        (2 * np.pi, 2 * np.pi, {"unit": "rad"}),
-        (2**12, 2**16, {"unit": "counts", "counts_per_turn": 2.0**12}),
-        (-(2**20), 2**20, {"unit": "counts", "counts_per_turn": 2.0**20}),
+        (1, None, {"unit": "turns"}),
+        (1, 3, {"unit": "turns"}),
+        (2 * np.pi, 1, {"unit": "rad"}),
+        (2**12, 2**4, {"unit": "counts", "counts_per_turn": 2.0**12}),
+        (-(2**20), 1, {"unit": "counts", "counts_per_turn": 2.0**20}),
+        (1000, 10, {"counts_per_turn": 1000}),
+        (4000, 25, {"counts_per_turn": 4000}),
     ],
 )
-def test_a_position_is_unwrapped_and_differentiated(scale, wrap, given):
-    position = scale * np.cumsum(V) * 2e-3
-    position = position if wrap is None else position % wrap
+def test_a_position_that_starts_anew_is_unwrapped_and_differentiated(per_turn, modulus, given):
+    turns = np.cumsum(V) * 2e-3
+    position = per_turn * (turns % modulus if modulus else turns)
     log = opened(position, replace(TURN, **given), name="position")
     np.testing.assert_allclose(log.recording.v, V[1:], atol=1e-4)
-    assert any("unwrapped" in note for note in log.notes) == (wrap is not None)
+    note = f"starts anew every {modulus} motor turns: unwrapped"
+    assert any(note in each for each in log.notes) == bool(modulus)
 
 
 def test_a_commanded_speed_resolves_an_encoder_that_wraps_faster_than_it_is_sampled():

@@ -137,15 +137,6 @@ def test_of_held_values_the_new_ones_are_used_where_they_come_often_enough():
     )
 
 
-@pytest.mark.parametrize(("modulus", "counts"), [(10, 1000), (3, None), (25, 4000)])
-def test_a_position_that_starts_anew_after_whole_turns_or_counts_is_unwrapped(modulus, counts):
-    position = np.cumsum(V) * 2e-3 % modulus * (counts or 1)
-    options = replace(TURN, counts_per_turn=counts) if counts else replace(TURN, unit="turns")
-    read = logs.opened(position, options, name="position")
-    np.testing.assert_allclose(read.recording.v, V[1:], atol=1e-3)
-    assert f"the position starts anew every {modulus} motor turns" in read.notes[0]
-
-
 def test_a_position_that_starts_anew_within_a_turn_is_asked_about():
     log = logs.frame(np.cumsum(V) * 2e-3 % 7.3, name="position")
     assert "starts anew every 7.3 turns" in refusal(log, replace(TURN, unit="turns"))
