@@ -25,7 +25,10 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
         if parts["clock"].notna().mean() > 0.5:
             return _times_of_day(parts, column), "time of day"
     stamps = numeric_column(table, column)
-    unit = given_unit or split_unit(column)[1] or _unit_by_size(stamps[0])
+    # Stamps that do not say it are those of a clock since 1970, else seconds.
+    low, high = LIMITS.since_1970_s
+    since_1970 = (unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamps[0] < high)
+    unit = given_unit or split_unit(column)[1] or next(since_1970, "s")
     if unit not in SECONDS:
         raise Refusal(
             f"the unit {unit!r} of {column!r} is not known; there are {', '.join(SECONDS)}"
@@ -33,12 +36,6 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
     # Nanoseconds since 1970 are more than a float holds.
     values = pd.to_numeric(values)
     return SECONDS[unit] * (values - values.iloc[0]).to_numpy(dtype=float), unit
-
-
-def _unit_by_size(stamp: float) -> str:
-    """Unit of stamps that do not say it: that of a clock since 1970, else seconds."""
-    low, high = LIMITS.since_1970_s
-    return next((unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamp < high), "s")
 
 
 def _times_of_day(parts: pd.DataFrame, column: str) -> FloatArray:

@@ -114,7 +114,7 @@ def turn_forward(samples: Samples) -> Samples:
     return replace(samples, signals=-samples.signals).noting(note)
 
 
-def make_recording(samples: Samples, name: str) -> Recording:
+def make_recording(samples: Samples) -> Recording:
     """The record with its speed and turn period, of a speed that does not drift."""
     t, v, options = samples.t, samples.v, samples.options
     mean = float(v.mean())
@@ -138,4 +138,4 @@ def make_recording(samples: Samples, name: str) -> Recording:
             f"not the {period:g} s given",
             Reason.WRONG_PERIOD,
         )
-    return Recording(t - t[0], v, mean, period, name)
+    return Recording(t - t[0], v, mean, period, "log")

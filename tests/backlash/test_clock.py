@@ -11,7 +11,7 @@ from backlash.reading.prepare import open_log
 from tests.logs import TURN, T, V, file, frame, opened, refusal, text
 
 EPOCH = 1_710_000_000
-# Seconds as a file may have them, and the unit in which they are read.
+# Seconds as a file may have them, and the unit in which they are read; of the last two it has to be given.
 STAMPS = {
     "100 ns by name": ("time [100 ns]", 1e7 * T, "100 ns"),
     "days by name": ("time [days]", T / 86400, "days"),
@@ -21,31 +21,22 @@ STAMPS = {
     },
     "a scope's, from before the trigger": ("time", T - 1.0, "s"),
     "durations": ("time", pd.to_timedelta(T, unit="s"), "date-time"),
+    "ticks since the year 1": ("ticks since the year 1", 6.38e17 + np.rint(1e7 * T), "100ns"),
+    "days of a spreadsheet": ("days of a spreadsheet", 45_000 + T / 86400, "d"),
 }
 
 
 @pytest.mark.parametrize("kind", STAMPS)
-def test_stamps_of_every_unit_are_read_and_it_is_named(kind):
+def test_stamps_of_every_unit_are_read_or_asked_about_and_it_is_named(kind):
     name, stamps, unit = STAMPS[kind]
-    log = open_log(frame(t=stamps).rename(columns={"time": name}), TURN)
-    np.testing.assert_allclose(log.recording.t, T, atol=2e-5)
-    np.testing.assert_allclose(log.recording.v, V, atol=0.05)
-    assert f"time {name!r} [{unit}]" in str(log.columns)
-
-
-@pytest.mark.parametrize(
-    ("name", "stamps", "unit"),
-    [
-        ("ticks since the year 1", 6.38e17 + np.rint(1e7 * T), "100ns"),
-        ("days of a spreadsheet", 45_000 + T / 86400, "d"),
-    ],
-)
-def test_a_unit_of_time_that_is_not_known_is_asked_for(name, stamps, unit):
-    log = frame(t=stamps).rename(columns={"time": name})
-    form = replace(TURN, time=name)
-    assert "--time-unit" in refusal(log, form)
-    read = open_log(log, replace(form, time_unit=unit)).recording
-    np.testing.assert_allclose(read.t, T, atol=2e-5)
+    log, form = frame(t=stamps).rename(columns={"time": name}), replace(TURN, time=name)
+    if name == kind:
+        assert "--time-unit" in refusal(log, form)
+        form = replace(form, time_unit=unit)
+    read = open_log(log, form)
+    np.testing.assert_allclose(read.recording.t, T, atol=2e-5)
+    np.testing.assert_allclose(read.recording.v, V, atol=0.05)
+    assert f"time {name!r} [{unit}]" in str(read.columns)
 
 
 def bursts(together: int) -> np.ndarray:

@@ -1,14 +1,16 @@
 """Which columns are read, in which units: the motor's measured ones, by name; what may be several things is asked."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from backlash.reading.columns import LogOptions
+from backlash.reading.columns import Columns, choose_columns
 from backlash.reading.prepare import open_log
-from tests.logs import TURN, T, V, file, opened, refusal, text
+from backlash.reading.tables import Table
+from tests.logs import TURN, V, file, opened, refusal, refused_for, text
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
@@ -25,31 +27,54 @@ ASKED = [
     *("speed (filtered)", "speed in 0.01 rpm"),
     *("speed_kHz", "speed [kHz]", "speed_krpm", "speed_kRPM"),
 ]
-# The columns beside the time, and which of them is read; none where the user is asked.
-CHOICES = [
-    (["speed [rps]", "motor speed [rpm]"], "motor speed [rpm]"),
-    (["position [rev]", "motor encoder [rev]"], "motor encoder [rev]"),
-    (["joint velocity [rps]", "speed [rps]"], "speed [rps]"),
-    (["flange speed [rps]", "speed [rps]"], "speed [rps]"),
-    (["speed [rps]", "position [rev]"], "speed [rps]"),
-    (["target speed [rps]", "speed [rps]"], "speed [rps]"),
-    (["speed_cmd_rps", "motor speed [rps]"], "motor speed [rps]"),
-    (["speed [rps]", "velocity [rps]"], None),
-    (["dq[0]", "dq[1]"], None),
+NAMES = ["motor speed [rpm]", "motor speed [rad/s]", "current [A]"]
+# The columns beside the time, what is given of them, and what the answer says of them.
+CHOSEN = [
+    (["speed [rps]", "motor speed [rpm]"], {}, "speed 'motor speed [rpm]' [rpm], the motor's side"),
+    (["position [rev]", "motor encoder [rev]"], {}, "position 'motor encoder [rev]' [turns]"),
+    (["joint velocity [rps]", "speed [rps]"], {}, "speed 'speed [rps]'"),
+    (["flange speed [rps]", "speed [rps]"], {}, "speed 'speed [rps]'"),
+    (["speed [rps]", "position [rev]"], {}, "speed 'speed [rps]'"),
+    (["target speed [rps]", "speed [rps]"], {}, "speed 'speed [rps]'"),
+    (["speed_cmd_rps", "motor speed [rps]"], {}, "speed 'motor speed [rps]'"),
+    (["header.stamp", "recv_time", "speed [rps]"], {}, "time 'header.stamp'"),
+    (["recv_time", "speed [rps]"], {}, "time 'time'"),
+    (["speed"], {"counts_per_turn": 4096}, "speed 'speed' [counts]"),
+    (["speed [rpm]"], {"counts_per_turn": 4096}, "speed 'speed [rpm]' [rpm]"),
+    (["speed [rps]"], {"gear_ratio": 40.0}, "the motor's side"),
+    (["speed [rps]"], {"gear_ratio": 1.0}, "the joint's side"),
+    (["joint speed [rps]"], {"gear_ratio": 40.0, "speed": "2"}, "the joint's side"),
+    (
+        NAMES,
+        {"speed": "Motor speed [rpm]", "torque": "current"},
+        "speed 'motor speed [rpm]' [rpm], torque 'current [A]'",
+    ),
+    *(([name], {"unit": "rpm"}, f"speed {name!r} [rpm]") for name in ASKED),
+]
+REFUSED = [
+    *(([name], {}, "is not known; give --unit (a speed's: rps, rpm") for name in ASKED),
+    (["speed [rps]", "velocity [rps]"], {}, "give --speed"),
+    (["dq[0]", "dq[1]"], {}, "give --speed"),
     *(
-        ([f"{word} speed [rps]", "current"], None)
+        ([f"{word} speed [rps]", "current"], {}, "give --speed")
         for word in ("target", "cmd", "set", "ref", "desired", "soll", "delta")
     ),
+    (["speed [rps]"], {"speed": "x"}, "no column 'x'; there are 'time', 'speed [rps]'"),
+    (["speed [rps]"], {"speed": "9"}, "no column '9'"),
+    (["speed [rps]"], {"speed": "1"}, "signal 'time' and torque '' cannot be one column"),
+    (["speed [rps]"], {"unit": "rpm"}, "says rps, --unit says rpm; leave --unit out"),
+    (["speed [counts/s]"], {}, "give --counts-per-turn"),
+    (NAMES, {"speed": "motor speed"}, "no column 'motor speed'"),
+    (["joint speed [rps]"], {"gear_ratio": 40.0}, "is the joint's side of the gear by its"),
+    (["speed [rps]", "timestamp"], {}, "which column is the time: 'time', 'timestamp'? give"),
+    (["speed [rps]", "moment", "t2 [s]"], {"torque": "moment", "time": "1"}, "stamps of its"),
+    (["speed [rps]", "t2 [s]", "moment"], {"torque": "moment", "time": "1"}, "stamps of its"),
 ]
 
 
-def frame(names) -> pd.DataFrame:
-    """Columns of the speed, each a percent slower than the one before, beside the time."""
-    columns = {
-        name: 2e-3 * np.cumsum(V) if "rev" in name else (60 if "rpm" in name else 1) * V * 0.99**k
-        for k, name in enumerate(names)
-    }
-    return pd.DataFrame({"time": T, **columns})
+def choose(names, given) -> Columns:
+    table = pd.DataFrame({name: [k, k + 1.0] for k, name in enumerate(["time", *names])})
+    return choose_columns(Table(table), replace(TURN, **given))
 
 
 @pytest.mark.parametrize(
@@ -61,33 +86,15 @@ def test_a_column_is_read_in_the_unit_of_its_name_and_both_are_in_the_answer(uni
     assert str(log.columns) == f"time 'time' [s], speed {name!r} [{unit}], the motor's side"
 
 
-@pytest.mark.parametrize("name", ASKED)
-def test_a_speed_without_a_known_unit_is_asked_for(name):
-    assert "is not known; give --unit (a speed's: rps, rpm" in refusal(frame([name]))
-    log = opened(60 * V, replace(TURN, unit="rpm"), name=name)
-    np.testing.assert_allclose(log.recording.v, V)
+@pytest.mark.parametrize(("names", "given", "words"), CHOSEN)
+def test_the_motors_measured_columns_are_read_or_those_that_are_given(names, given, words):
+    assert words in str(choose(names, given))
 
 
-@pytest.mark.parametrize(("names", "chosen"), CHOICES)
-def test_the_motors_measured_column_is_read_and_two_candidates_are_asked_about(names, chosen):
-    if chosen is None:
-        assert "give --speed" in refusal(frame(names))
-    else:
-        assert repr(chosen) in str(open_log(frame(names), TURN).columns)
-
-
-@pytest.mark.parametrize(
-    ("name", "form", "is_load_side"),
-    [
-        ("speed [rps]", LogOptions(gear_ratio=40.0), False),
-        ("speed [rps]", LogOptions(gear_ratio=1.0, commanded_speed_rps=2.5), True),
-        ("joint speed [rps]", LogOptions(gear_ratio=40.0, speed="2"), True),
-    ],
-)
-def test_a_log_says_of_which_side_of_the_gear_it_is(name, form, is_load_side):
-    log = opened(V / (40.0 if form.gear_ratio == 1 else 1.0), form, name=name)
-    assert log.columns.is_load_side == is_load_side
-    assert ("the joint's side" in str(log.columns)) == is_load_side
+@pytest.mark.parametrize(("names", "given", "why"), REFUSED)
+def test_columns_that_cannot_be_or_may_be_two_are_asked_about(names, given, why):
+    with refused_for(re.escape(why)):
+        choose(names, given)
 
 
 def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
@@ -97,43 +104,3 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
     assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in str(log.columns)
     assert "'5' is empty in all 2,401 rows" in refusal(path, replace(TURN, speed="5", unit="rps"))
-
-
-NAMES = ["motor speed [rpm]", "motor speed [rad/s]", "current [A]"]
-
-
-@pytest.mark.parametrize(
-    ("names", "given", "why"),
-    [
-        (["speed [rps]"], {"speed": "x"}, "no column 'x'; there are 'time', 'speed [rps]'"),
-        (["speed [rps]"], {"speed": "9"}, "no column '9'"),
-        (["speed [rps]"], {"speed": "1"}, "signal 'time' and torque '' cannot be one column"),
-        (["speed [rps]"], {"unit": "rpm"}, "says rps, --unit says rpm; leave --unit out"),
-        (["speed [counts/s]"], {}, "give --counts-per-turn"),
-        (NAMES, {"speed": "motor speed"}, "no column 'motor speed'"),
-        (["joint speed [rps]"], {"gear_ratio": 40.0}, "is the joint's side of the gear by its"),
-        (["speed [rps]", "timestamp"], {}, "which column is the time: 'time', 'timestamp'? give"),
-        (["speed [rps]", "moment", "t2 [s]"], {"torque": "moment", "time": "1"}, "stamps of its"),
-        (["speed [rps]", "t2 [s]", "moment"], {"torque": "moment", "time": "1"}, "stamps of its"),
-    ],
-)
-def test_columns_that_cannot_be_are_refused(names, given, why):
-    assert why in refusal(frame(names), replace(TURN, **given))
-
-
-def test_a_column_is_given_with_or_without_its_unit():
-    log = open_log(frame(NAMES), replace(TURN, speed="Motor speed [rpm]", torque="current"))
-    assert "speed 'motor speed [rpm]' [rpm], torque 'current [A]'" in str(log.columns)
-
-
-@pytest.mark.parametrize("name", ["header.stamp", "time"])
-def test_the_time_of_the_sample_goes_before_that_of_its_receipt(name):
-    late = frame(["speed [rps]"]).assign(recv_time=np.round(T, 1))
-    assert open_log(late.rename(columns={"time": name}), TURN).columns.time == name
-
-
-def test_counts_per_turn_imply_counts_where_no_unit_is_named():
-    form = replace(TURN, counts_per_turn=4096.0)
-    for name, factor in (("speed", 4096.0), ("speed [rpm]", 60.0)):
-        v = opened(factor * V, form, name=name).recording.v
-        np.testing.assert_allclose(v, V)

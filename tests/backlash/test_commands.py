@@ -86,6 +86,13 @@ def test_what_is_wrong_is_one_line_and_status_2(log, options, words, capsys, mon
     assert error.count("\n") == 1
 
 
+def test_of_many_logs_unusable_ones_are_counted_and_if_all_are_the_first_says_why(log, capsys):
+    assert command("estimate", log, "missing.csv --jobs 1", SPEED) == 0
+    assert "1 of 2 logs are not usable" in capsys.readouterr().err
+    assert command("estimate missing.csv gone.csv --jobs 1", SPEED) == 2
+    assert "none of 2 logs is usable; the first: missing.csv: No" in capsys.readouterr().err
+
+
 def test_an_input_is_never_overwritten(log, capsys):
     before = log.read_bytes()
     assert command("estimate", log, SPEED, "--out", log) == 2
