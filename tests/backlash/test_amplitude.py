@@ -20,6 +20,11 @@ def test_without_a_torque_the_answer_is_the_paper_s_index_never_a_backlash():
     assert larger.amplitude_rps > 1.2 * estimate.amplitude_rps
 
 
+def test_a_parameter_that_is_misspelt_is_an_error():
+    with pytest.raises(TypeError, match="no parameter 'gear_ration'; there are time, rate_hz"):
+        backlash.estimate(table(noisy()), gear_ration=40)
+
+
 def test_a_turn_that_is_given_a_little_wrong_is_corrected_with_a_note():
     estimate = backlash.estimate(table(noisy()), turn_period_s=0.4008)
     assert estimate.turn_period_s == pytest.approx(0.4, rel=5e-4)

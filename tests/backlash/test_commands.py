@@ -11,6 +11,9 @@ from backlash.answer import Estimate
 from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
+MASSES = (
+    "--torque 3 --gear-ratio 100 --motor-inertia 1e-4 --load-mass 20 --load-arm 0.4 --load-inertia"
+)
 
 
 @pytest.fixture
@@ -28,12 +31,12 @@ def examine(monkeypatch) -> Mock:
 
 
 def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, examine, capsys):
-    load = "--torque 3 --gear-ratio 100 --motor-inertia 1e-4 --load-mass 20 --load-arm 0.4"
-    assert command("estimate", log, load, "--json --from 1 --inertia-sd 0.2") == 0
+    assert command("estimate", log, MASSES, "3 --json --from 1 --inertia-sd 0.2") == 0
     request = examine.call_args.args[1]
     assert (request.options.torque, request.options.start_s) == ("3", 1.0)
     assert request.load.inertia_ratio == pytest.approx(3.2)
     assert request.load.inertia_sd == 0.2
+    assert request.load.note.endswith("3 is below m r^2 = 3.2 kg m^2: that was taken")
     [answer] = json.loads(capsys.readouterr().out)
     assert answer["joint"]["loss"] == [0.1, 0.02]
     assert answer["total_play_rad"] == 2e-3
@@ -70,6 +73,7 @@ def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_
         ("--turn-period 0.4 --unit mph", "--unit mph: there are rps, rpm"),
         ("--turn-period 0.4 --from nan", "give seconds, the end after the start"),
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
+        (f"{MASSES} 1", "its mass at its arm alone has 3.2 kg m^2"),
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
         ("--turn-period 0.4 --jobs 0 --out answers.csv", "--jobs 0"),
         ("--turn-period 0.4 --batch missing.csv", "give logs, or --batch"),
