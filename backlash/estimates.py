@@ -85,7 +85,7 @@ def examine(
     try:
         read = open_log(log, request.options, v, torque)
         answer = _with_log(answer, read, request)
-        read = _with_own_period(read, request.options)
+        read = _with_own_period(read)
         answer = _with_log(answer, read, request)
         if request.load:
             return _answer_by_torque(read, request.load, answer)
@@ -125,9 +125,9 @@ def refused(log: object, why: str) -> Estimate:
     return Estimate(name_of(log)).with_refusal(Refusal(why))
 
 
-def _with_own_period(log: Log, options: LogOptions) -> Log:
+def _with_own_period(log: Log) -> Log:
     """The log with the period that its turns have; of a torque gravity's, which no other line may dominate."""
-    recording, given = log.recording, log.recording.turn_period_s
+    recording, options, given = log.recording, log.options, log.recording.turn_period_s
     if options.trust_period:
         return log
     if log.torque is None:
@@ -147,8 +147,7 @@ def _with_own_period(log: Log, options: LogOptions) -> Log:
     if turns.is_same_period(recording, period):
         return log
     note = f"the record repeats itself every {period:.5f} s, not every {given:.5f} s: used that"
-    own = replace(recording, turn_period_s=period)
-    return replace(log, recording=own, notes=(*log.notes, note))
+    return replace(log, recording=replace(recording, turn_period_s=period)).noting(note)
 
 
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:

@@ -148,7 +148,7 @@ def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
     span = float(np.ptp(turns))
     rounds = [1.0]
     if counts_per_turn:
-        rounds += list(2.0 ** np.arange(8, 33) / counts_per_turn)
+        rounds += [*(2.0 ** np.arange(8, 33) / counts_per_turn)]
     # A saw: steps of one direction, and some back over nearly all of the span.
     steps = np.diff(turns)
     usual = float(np.median(steps))
@@ -157,7 +157,7 @@ def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
         return min((m for m in rounds if 0.5 * m < span <= m * (1 + 1e-9)), default=0.0)
     size = float(np.median(np.abs(steps[is_back]))) + abs(usual)
     if counts_per_turn:
-        rounds += list(10.0 ** np.arange(2, 10) / counts_per_turn)
+        rounds += [*(10.0 ** np.arange(2, 10) / counts_per_turn)]
     best = min(*rounds, np.rint(size), key=lambda modulus: abs(modulus - size))
     if best * (1 + 1e-9) >= span and abs(best - size) <= 2 * abs(usual):
         return best

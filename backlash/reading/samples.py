@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -76,21 +76,21 @@ class Samples:
         names = ("position" if self.columns.is_position else "speed", "torque")
         return zip(names, self.signals, strict=False)
 
-    def suspecting(self, name: str, chosen: NDArray[np.int64], what: str) -> "Samples":
+    def suspecting(self, name: str, chosen: NDArray[np.int64], what: str) -> Self:
         """The same samples with some of them suspected in the signal of a name."""
         suspect = Suspect(pd.Series(self.t, self.rows).iloc[chosen], what, name != "torque")
         return replace(self, suspects=(*self.suspects, suspect))
 
-    def noting(self, note: str) -> "Samples":
+    def noting(self, note: str) -> Self:
         """The same samples with a note on what was done to them."""
         return replace(self, notes=(*self.notes, note))
 
-    def at(self, chosen: slice | NDArray[np.bool_]) -> "Samples":
+    def at(self, chosen: slice | NDArray[np.bool_]) -> Self:
         """A part of the samples."""
         signals = self.signals[:, chosen]
         return replace(self, t=self.t[chosen], signals=signals, rows=self.rows[chosen])
 
-    def moved(self, t: FloatArray, signals: FloatArray) -> "Samples":
+    def moved(self, t: FloatArray, signals: FloatArray) -> Self:
         """Other samples of the same log, which are those of no row."""
         return replace(self, t=t, signals=signals, rows=self.rows[:0])
 
