@@ -76,7 +76,7 @@ class Samples:
         names = ("position" if self.columns.is_position else "speed", "torque")
         return zip(names, self.signals, strict=False)
 
-    def suspecting(self, name: str, chosen: NDArray[np.int64], what: str) -> Self:
+    def suspecting(self, name: str, chosen: slice | NDArray[np.int64], what: str) -> Self:
         """The same samples with some of them suspected in the signal of a name."""
         suspect = Suspect(pd.Series(self.t, self.rows).iloc[chosen], what, name != "torque")
         return replace(self, suspects=(*self.suspects, suspect))

@@ -81,7 +81,7 @@ def mark_frozen(samples: Samples) -> Samples:
                 f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
                 "stand-in for missing values; cut the log there"
             )
-            samples = samples.suspecting(name, np.arange(start, start + length), what)
+            samples = samples.suspecting(name, slice(start, start + length), what)
     return samples
 
 

@@ -25,6 +25,14 @@ def test_a_parameter_that_is_misspelt_is_an_error():
         backlash.estimate(table(noisy()), gear_ration=40)
 
 
+@pytest.mark.parametrize(
+    ("log", "v", "why"), [(3, None, "one int is no log"), ([0, 1], [2], "of one length")]
+)
+def test_what_is_no_log_is_refused(log, v, why):
+    with pytest.raises(backlash.Refusal, match=why):
+        backlash.estimate(log, v, unit="rps", **TURN)
+
+
 def test_a_turn_that_is_given_a_little_wrong_is_corrected_with_a_note():
     estimate = backlash.estimate(table(noisy()), turn_period_s=0.4008)
     assert estimate.turn_period_s == pytest.approx(0.4, rel=5e-4)

@@ -99,6 +99,11 @@ def test_a_table_that_lists_no_logs_is_refused(text, why, tmp_path):
         backlash.estimate_many(file(tmp_path, text), **HOW)
 
 
+def test_what_is_no_list_of_logs_is_refused():
+    with pytest.raises(backlash.Refusal, match="one int of logs; give a list of them"):
+        backlash.estimate_many(3, **HOW)
+
+
 def test_an_interrupted_run_goes_on_from_its_journal(plant, tmp_path, examine):
     logs = read_batch(plant, HOW)
     journal = tmp_path / "answers.csv.kept"

@@ -32,6 +32,7 @@ def test_stamps_of_every_unit_are_read_or_asked_about_and_it_is_named(kind):
     log, form = frame(t=stamps).rename(columns={"time": name}), replace(TURN, time=name)
     if name == kind:
         assert "--time-unit" in refusal(log, form)
+        assert "the unit 'weeks' of" in refusal(log, replace(form, time_unit="weeks"))
         form = replace(form, time_unit=unit)
     read = open_log(log, form)
     np.testing.assert_allclose(read.recording.t, T, atol=2e-5)

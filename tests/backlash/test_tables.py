@@ -109,6 +109,7 @@ REFUSED = {
         text("__time,stamp.sec,stamp.nanosec,velocity [rps]", "{t:.1f},1710000000,{ns},{v:.5f}"),
         "its time stamp repeats the one before with other values",
     ),
+    "no time": (text("a,speed [rps]"), "no column of time among 'a', 'speed [rps]'; give --time"),
     "a PLC's two times": (PLC + text("", "{t}\t{rpm}\t{t}5\t1"), "which column is the time"),
     "a very long line": (b"1," * 100_000, "a first line above 65536 characters"),
     "a very long cell": (line(500, "0.996," + "1" * 200_000), "row 500: speed [rps] is"),
