@@ -10,7 +10,7 @@ from pathlib import Path
 
 from backlash.cli.options import Exit, parser
 from backlash.example import write_example
-from backlash.refusals import Refusal, one_line
+from backlash.refusals import one_line
 from replication import pinned_environment
 from replication.files import DISK_IS_FULL, UserError
 
@@ -54,7 +54,7 @@ def _ending(error: BaseException) -> tuple[int, str]:
     causes = (error, error.__cause__, error.__context__)  # compiled code makes Ctrl-C a cause
     if any(isinstance(each, KeyboardInterrupt) for each in causes):
         return Exit.INTERRUPTED, "interrupted; with --out the same command goes on"
-    if isinstance(error, (Refusal, UserError)):
+    if isinstance(error, UserError):
         return Exit.UNUSABLE, str(error)
     if isinstance(error, OSError) and error.errno in _UNWRITABLE:
         # Nothing is left to be flushed at the end.

@@ -109,6 +109,10 @@ REFUSED = {
         text("__time,stamp.sec,stamp.nanosec,velocity [rps]", "{t:.1f},1710000000,{ns},{v:.5f}"),
         "its time stamp repeats the one before with other values",
     ),
+    "half of a stamp of ROS": (
+        text("stamp.sec,stamp.nanosec,velocity [rps]", "1710000000,{ns},{v:.5f}"),
+        "'stamp.nanosec' is a part of a stamp in two columns; export it as one",
+    ),
     "no time": (text("a,speed [rps]"), "no column of time among 'a', 'speed [rps]'; give --time"),
     "a PLC's two times": (PLC + text("", "{t}\t{rpm}\t{t}5\t1"), "which column is the time"),
     "a very long line": (b"1," * 100_000, "a first line above 65536 characters"),
