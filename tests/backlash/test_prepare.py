@@ -55,10 +55,12 @@ SPIKED = np.where(np.arange(V.size) == 500, 900.0, V)
 @pytest.mark.parametrize(
     ("v", "form", "reason"),
     [
+        (V[:6], TURN, "too short: 0.01 s in 6 samples; 4 load turns are needed"),
         (V[:500], TURN, "too short"),
         (np.append(0.0, V[:9]), TURN, "too short"),
         (V - 100.0, TURN, "not constant speed: the motor stands still"),
-        (100 * np.sin(3 * T) + 0.1 * V, TURN, "not constant speed"),
+        (100 * np.sin(3 * T) + 0.1 * V, TURN, "not constant speed: the motor moves to and fro"),
+        (V, LogOptions(gear_ratio=1.0), "too short: a load turn of 0.01 s is 5.0 samples long"),
         (V + 0.8 * (T - 2.4), TURN, "not constant speed: it drifts"),
         (np.concatenate([V[:600], 0.5 * V[:600], 1.5 * V[:600]]), TURN, "not constant speed"),
         (60 * V, TURN, "is it in rpm, rad/s"),
