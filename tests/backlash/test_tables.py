@@ -122,6 +122,10 @@ REFUSED = {
         "row 500: it has a number beyond the 2 columns of the header",
     ),
     "three columns without names": (text("", "{t},{v},7"), "give --time and --speed by number"),
+    "two rows": (
+        "time,speed [rps]\n0,1\n1,2\n",
+        "2 samples with time and speed [rps]; a log of 4 load turns is needed",
+    ),
     "a quote that never ends": (PLAIN + '"', "not a table (Error tokenizing data"),
     "a broken gzip file": (gzip.compress(PLAIN.encode())[:9000], "or export it again"),
     "a broken zip": (b"PK\x03\x04" + bytes(99), "no readable workbook or Parquet file"),
