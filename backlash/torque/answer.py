@@ -125,8 +125,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     """The unknowns' covariance, by the priors as they are above zero."""
     slopes, _ = differentiate(best.orbit, problem.compared)
-    _, prior = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
-    return np.asarray(np.linalg.inv(slopes.T @ slopes + prior.T @ prior))
+    hessian, _ = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
+    return np.asarray(np.linalg.inv(slopes.T @ slopes + hessian))
 
 
 def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:

@@ -53,7 +53,9 @@ from replication.signature import FloatArray
 _SETTLING_TURNS = 10
 _SETTLED_RAD = 1e-6
 _MOST_TURNS = 12  # by Newton's method, which needs 2 to 4
-_CLOSED_RAD = 1e-11  # a millionth of the least backlash that matters
+# From here Newton's last step is exact to 1e-11, a millionth of the least backlash that matters.
+_NEARLY_CLOSED_RAD = 1e-7
+_LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
 
 
 class Comparison(NamedTuple):
@@ -69,6 +71,7 @@ class Comparison(NamedTuple):
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
     motion: FloatArray  # angle and acceleration in the middle of each step, each with its slope by the lag [ms]
+    direction: ComplexArray  # e^(i angle)
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
 
 
@@ -104,6 +107,7 @@ def compare(
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
         motion=motion,
+        direction=np.exp(1j * motion[0]),
         smoothing=smoothing,
     )
 
@@ -214,53 +218,60 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
     state[0], state[1] = x, v
 
 
-@njit
-def _close_orbit(theta, h, motion, forcing, settling_turns, start, contact):
-    """Move the start until its turn ends there, by Newton's method; whether it does, and a load keeps to that orbit."""
-    end, jacobian, unused = np.empty(2), np.empty((2, 2)), np.empty((2, contact.size))
-    before, rate = np.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
+def _close_orbit(
+    theta: FloatArray, c: Comparison, forcing: FloatArray, settling_turns: int, begin: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Find where a turn ends where it begins, by Newton's method, and its contact torques.
+
+    None if it finds none, or no load keeps to it. The last step moves the contact torques by their slopes.
+    """
+    start, steps = begin.copy(), forcing.shape[1]
+    contact, by_start = np.empty(steps), np.empty((2, steps))
+    before, rate = math.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
     for turn in range(settling_turns + _MOST_TURNS):
-        end[0], end[1] = start[0], start[1]
-        # As np.eye(2) has them, which takes a second to compile.
-        jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1] = 1.0, 0.0, 0.0, 1.0
-        _simulate_turn(theta, h, motion, forcing, 1.0, end, jacobian, contact, unused)
-        xx, xv, vx, vv = jacobian[0, 0], jacobian[0, 1], jacobian[1, 0], jacobian[1, 1]
-        miss_x, miss_v = end[0] - start[0], end[1] - start[1]
+        end, jacobian = start.copy(), np.eye(2)
+        _simulate_turn(theta, c.step_s, c.motion, forcing, 1.0, end, jacobian, contact, by_start)
+        (xx, xv), (vx, vv) = jacobian.tolist()
+        miss_x, miss_v = (end - start).tolist()
         distance = abs(miss_x) + abs(miss_v) / rate
-        if distance < _CLOSED_RAD:  # both multipliers are within the unit circle
-            product = xx * vv - xv * vx
-            return product <= 1 and abs(xx + vv) <= 1 + product
         if not distance < 1.0:  # ran away
-            return False
+            return None
         determinant = (1 - xx) * (1 - vv) - xv * vx
         is_settled = turn >= settling_turns or distance < _SETTLED_RAD
-        if is_settled and distance < before and abs(determinant) > 1e-9:
-            start[0] += ((1 - vv) * miss_x + xv * miss_v) / determinant
-            start[1] += (vx * miss_x + (1 - xx) * miss_v) / determinant
+        if is_settled and distance < before and abs(determinant) > _LEAST_DETERMINANT:
+            step_x = ((1 - vv) * miss_x + xv * miss_v) / determinant
+            step_v = (vx * miss_x + (1 - xx) * miss_v) / determinant
+            start += (step_x, step_v)
+            if distance < _NEARLY_CLOSED_RAD:
+                contact += step_x * by_start[0] + step_v * by_start[1]
+                product = xx * vv - xv * vx
+                # Whether both multipliers are within the unit circle.
+                return (start, contact) if product <= 1 and abs(xx + vv) <= 1 + product else None
         else:
-            start[0], start[1] = end[0], end[1]
+            start = end
         if is_settled:
             before = distance
-    return False
+    return None
 
 
 def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
     """What forces the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x.
 
-    Force, cosine and sine, shape (3, steps).
+    Force, cosine and sine, shape (3, steps). What the lag moves the angle by is taken to the first order where it
+    differs from its mean, as the lag is.
     """
-    at_lag_0, angle_by_lag, acceleration, acceleration_by_lag = c.motion
-    angle = at_lag_0 + theta[LAG] * angle_by_lag + theta[PHASE]
-    forcing = np.empty((3, angle.size))
-    force, cosine, sine = forcing
-    g = np.exp(theta[GRAVITY])
-    np.cos(angle, out=cosine)
-    np.sin(angle, out=sine)
-    forcing[1:] *= g
-    np.multiply(theta[LAG], acceleration_by_lag, out=force)
-    force += acceleration
-    force += sine
-    force += g * theta[FRICTION]
+    _, angle_by_lag, acceleration, acceleration_by_lag = c.motion
+    lag, mean = theta[LAG], angle_by_lag.mean()
+    turned = 1j * lag * (angle_by_lag - mean)
+    turned += 1.0
+    turned *= c.direction
+    turned *= np.exp(theta[GRAVITY] + 1j * (theta[PHASE] + lag * mean))
+    forcing = np.empty((3, turned.size))
+    forcing[1], forcing[2] = turned.real, turned.imag
+    np.multiply(lag, acceleration_by_lag, out=forcing[0])
+    forcing[0] += acceleration
+    forcing[0] += forcing[2]
+    forcing[0] += np.exp(theta[GRAVITY]) * theta[FRICTION]
     return forcing
 
 
@@ -291,11 +302,11 @@ class Prediction(NamedTuple):
 def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -> Prediction | None:
     """Predict the torque by the orbit near a start, or by the one that a load at rest comes to; None without one."""
     forcing = _force_load(theta, c)
-    contact = np.empty(forcing.shape[1])
-    begin = np.zeros(2) if start is None else start.copy()
     settling_turns = _SETTLING_TURNS if start is None else 0
-    if not _close_orbit(theta, c.step_s, c.motion, forcing, settling_turns, begin, contact):
+    orbit = _close_orbit(theta, c, forcing, settling_turns, np.zeros(2) if start is None else start)
+    if orbit is None:
         return None
+    begin, contact = orbit
     torque, sd, response = predict_torque(theta, c, contact)
     return Prediction(theta, begin, forcing, contact, response, torque, sd)
 

@@ -135,26 +135,24 @@ class Problem(NamedTuple):
 
 
 def weigh_prior(theta: FloatArray, side: FloatArray, prior: Prior) -> tuple[FloatArray, FloatArray]:
-    """Distances from what is known beforehand over their SDs, and their Jacobian.
+    """Half the Hessian of the prior's chi squared, by Gauss's and Newton's method, and half its slope, downhill.
 
-    One for each unknown, then those of the soft part's share of gravity's wind-up and of friction beyond all. The law
-    changes where an unknown is 0; it is that of the side on which another joint is.
+    The law changes where an unknown is 0; it is that of the side on which another joint is.
     """
-    sd = np.where(side < 0, prior.sd_below_zero, prior.sd)
-    distances, slopes = np.zeros(theta.size + 2), np.zeros((theta.size + 2, theta.size))
-    distances[:-2] = (theta - prior.mean) / sd
-    slopes[range(theta.size), range(theta.size)] = 1 / sd
+    weight = np.square(1 / np.where(side < 0, prior.sd_below_zero, prior.sd))
+    hessian, downhill = np.diag(weight), weight * (prior.mean - theta)
     if side[SOFT] > 0:
         share, slope = wind_up_share(theta)
-        distances[-2], slopes[-2] = share / _SOFT_SD, slope / _SOFT_SD
+        hessian += slope[:, None] * slope / _SOFT_SD**2
+        downhill -= share * slope / _SOFT_SD**2
     if side[FRICTION] > prior.most_friction:
-        distances[-1] = (theta[FRICTION] - prior.most_friction) / _BEYOND_SD
-        slopes[-1, FRICTION] = 1 / _BEYOND_SD
-    return distances, slopes
+        hessian[FRICTION, FRICTION] += _BEYOND_SD**-2
+        downhill[FRICTION] -= (theta[FRICTION] - prior.most_friction) / _BEYOND_SD**2
+    return hessian, downhill
 
 
 def prior_chi_squared(theta: FloatArray, prior: Prior) -> float:
-    """The sum of these distances' squares."""
+    """The sum of the squares of the distances from what is known beforehand over their SDs."""
     distance = (theta - prior.mean) / np.where(theta < 0, prior.sd_below_zero, prior.sd)
     share = wind_up_share(theta)[0] if theta[SOFT] > 0 else 0.0
     beyond = max(float(theta[FRICTION]) - prior.most_friction, 0.0)

@@ -13,9 +13,36 @@ from scipy.linalg.lapack import dposv
 from backlash.refusals import Reason, Refusal
 from backlash.torque.load import Prediction, differentiate, predict, torque_residuals
 from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
-from backlash.torque.unknowns import DELTA, FIRST_STEP, FRICTION, OF_CONTACT, SHARE, SOFT, STIFFNESS
+from backlash.torque.unknowns import (
+    DAMPING,
+    DELAY,
+    DELTA,
+    DRAG,
+    FILTER,
+    FIRST_STEP,
+    FRICTION,
+    LAG,
+    OF_CONTACT,
+    SHARE,
+    SOFT,
+    STIFFNESS,
+)
 from backlash.turns import TURN
 from replication.signature import FloatArray
+
+
+class Move(NamedTuple):
+    """From a joint to one beside it."""
+
+    steps: float = 0.0  # of 6 % of the backlash and 0.02 mrad
+    stiffer: float = 0.0  # of ln K
+    softer_mrad: float = 0.0  # of the soft part, with which another minimum comes
+    usual: tuple[int, ...] = ()  # unknowns that become what is known beforehand
+
+
+_TIMES = LAG, DELAY, FILTER
+# What takes each other's place, and lets a joint of another gap, stiffness and friction fit nearly as well.
+_DETAILS = DAMPING, SOFT, SHARE, DRAG, *_TIMES
 
 
 @dataclass(frozen=True)
@@ -30,14 +57,13 @@ class SearchSettings:
     usual_misfit: float = 1.6
     finalists: tuple[int, int] = (5, 20)
     most_prior_residual: float = 3.5
-    # Beside the best: steps of 6 % of the backlash and 0.02 mrad, of ln K, and whether a soft part comes or goes, which
-    # is a minimum of its own.
-    neighbours: tuple[tuple[float, float, bool], ...] = (
-        *product((1.0, -1.0), (0.15, -0.15, 0.45, -0.45), (False,)),
-        *((2.0, -0.8, False), (-2.0, 0.8, False)),
-        *product((0.0,), (0.0, -0.3), (True,)),
+    # Beside the best.
+    neighbours: tuple[Move, ...] = (
+        *(Move(*step) for step in product((1.0, -1.0), (0.15, -0.15, 0.45))),
+        Move(-2.0, 0.8),
+        *(Move(softer_mrad=0.3), Move(stiffer=-0.3, softer_mrad=0.3)),
+        *(Move(usual=(SOFT,)), Move(stiffer=-0.3, usual=(SOFT,))),
     )
-    start_soft_mrad: float = 0.3
     most_rounds: int = 4
     # Shares of chi squared, about a hundred, by which a step that ends a descent lowers it: 2, 0.1, and nothing.
     rough_tolerance: float = 2e-2
@@ -45,14 +71,15 @@ class SearchSettings:
     last_tolerance: float = 1e-10
     near: float = 20.0  # chi squared beyond the best end's of ends that go on
     most_near: int = 6
-    # Chi squared has small kinks, at one of which a descent ends: so it begins again from just beside.
-    restarts: tuple[tuple[float, float], ...] = (
-        (0.25, 0.0),
-        (-0.25, 0.0),
-        (0.0, 0.03),
-        (0.0, -0.03),
+    # Chi squared has small kinks, at one of which a descent ends: so it begins again from just beside, and from the
+    # same joint with usual details.
+    restarts: tuple[Move, ...] = (
+        *(Move(0.25), Move(-0.25), Move(stiffer=0.03), Move(stiffer=-0.03)),
+        *(Move(softer_mrad=0.3, usual=_DETAILS), Move(usual=_TIMES)),
+        *(Move(-2.5, usual=_DETAILS), Move(stiffer=-0.8, usual=_DETAILS)),
+        Move(softer_mrad=0.3, usual=(SHARE,)),
     )
-    near_tolerance: float = 1e-6
+    near_tolerance: float = 1e-5
     same: float = 0.1  # first steps between two ends of one minimum, and where descents were rough
     rough_same: float = 0.5
     most_trials: int = 150  # of a descent; most take 20
@@ -106,9 +133,10 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
     most = best.chi2 + s.near * max(best.chi2 / problem.size, 1.0)
     near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
     near = [descend(problem, each, s.near_tolerance) for each in near or [best]]
+    for restart in s.restarts:
+        beside = move(problem, min(near, key=_chi2), restart)
+        near.append(descend(problem, beside, s.near_tolerance, most))
     best = descend(problem, min(near, key=_chi2))
-    for steps, stiffer in s.restarts:
-        best = min(best, descend(problem, move(best, steps, stiffer, False)), key=_chi2)
     return distinct([best, *near], s.same)
 
 
@@ -116,21 +144,26 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
     """Joints of a grid: the best ring of each gap and friction, ranked; the best friction of each gap and ring."""
     s = SETTINGS
     rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
-    frictions = np.array(s.start_frictions) * min(rough.prior.most_friction, 0.9)
-    grid = [
-        [[place(rough, delta, ring, friction) for friction in frictions] for ring in rings]
-        for delta in s.starts_mrad
-    ]
+    grid = [[place_each(rough, delta, ring) for ring in rings] for delta in s.starts_mrad]
     best_ring = [min(each, key=_chi2) for by_ring in grid for each in zip(*by_ring, strict=True)]
     best_friction = [min(each, key=_chi2) for by_ring in grid for each in by_ring]
     return sorted(best_ring, key=_chi2)[: s.first_starts], best_friction
 
 
-def place(problem: Problem, delta_mrad: float, ring: float, friction: float) -> Candidate:
-    """The usual joint but for these."""
+def place_each(problem: Problem, delta_mrad: float, ring: float) -> list[Candidate]:
+    """The usual joint but for these and each of some frictions; each orbit is looked for from the one before."""
+    placed: list[Candidate] = []
     theta = problem.prior.mean.copy()
-    theta[[DELTA, STIFFNESS, FRICTION]] = delta_mrad, ring, friction
-    return evaluate(problem, theta)
+    theta[[DELTA, STIFFNESS]] = delta_mrad, ring
+    start = None
+    for friction in np.array(SETTINGS.start_frictions) * min(problem.prior.most_friction, 0.9):
+        theta[FRICTION] = friction
+        each = evaluate(problem, theta.copy(), start)
+        if each.predicted is None and start is not None:
+            each = evaluate(problem, theta.copy())
+        start = each.predicted and each.predicted.start
+        placed.append(each)
+    return placed
 
 
 def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = None) -> Candidate:
@@ -160,26 +193,21 @@ def descend_beside(problem: Problem, ends: list[Candidate]) -> Candidate:
     best = min(ends, key=_chi2)
     for _ in range(s.most_rounds):
         for step in s.neighbours:
-            ends.append(descend(problem, move(best, *step), s.tolerance, best.chi2, ends))
+            ends.append(descend(problem, move(problem, best, step), s.tolerance, best.chi2, ends))
         before, best = best, min(ends, key=_chi2)
         if best.chi2 > before.chi2 * (1 - s.tolerance) - 0.1:
             break
     return best
 
 
-def move(candidate: Candidate, steps: float, stiffer: float, is_soft_changed: bool) -> Candidate:
-    """A joint beside another: its backlash some steps on, stiffer by a factor's logarithm, soft if it was not.
-
-    The gap and the soft part's wind-up beyond the spring's take each other's place.
-    """
+def move(problem: Problem, candidate: Candidate, beside: Move) -> Candidate:
+    """A joint beside another; the gap and the soft part's wind-up beyond the spring's take each other's place."""
     theta = candidate.theta.copy()
-    theta[DELTA] += steps * (0.06 * abs(theta[DELTA]) + 0.02)
-    theta[STIFFNESS] += stiffer
-    if is_soft_changed:
-        start = SETTINGS.start_soft_mrad
-        more = start - theta[SOFT] if theta[SOFT] < 0.5 * start else -theta[SOFT]
-        theta[SOFT] += more
-        theta[DELTA] -= (1 - theta[SHARE]) * more
+    theta[[*beside.usual]] = problem.prior.mean[[*beside.usual]]
+    theta[SOFT] += beside.softer_mrad
+    theta[DELTA] -= (1 - theta[SHARE]) * (theta[SOFT] - candidate.theta[SOFT])
+    theta[DELTA] += beside.steps * (0.06 * abs(theta[DELTA]) + 0.02)
+    theta[STIFFNESS] += beside.stiffer
     return candidate._replace(theta=theta)
 
 
@@ -272,10 +300,11 @@ def _find_step(
     """A damped step of Gauss's and Newton's method, under the prior's law of the side of zero where it ends."""
     free = slice(1 if holds_delta else 0, None)
     most_friction = problem.prior.most_friction
-    step, side, damped = np.zeros(theta.size), theta, slopes.normal + np.diag(damping * _PER_STEP_2)
+    step, side = np.zeros(theta.size), theta
+    damped = slopes.normal + np.diag(damping * _PER_STEP_2)
     for _ in range(_MOST_SIDES):
-        distances, weights = weigh_prior(theta, side, problem.prior)
-        matrix, right = damped + weights.T @ weights, slopes.downhill - distances @ weights
+        hessian, downhill = weigh_prior(theta, side, problem.prior)
+        matrix, right = damped + hessian, slopes.downhill + downhill
         *_, step[free], _ = dposv(matrix[free, free], right[free])
         before, side = side, theta + step
         is_beyond = side[FRICTION] > most_friction, before[FRICTION] > most_friction

@@ -14,9 +14,11 @@ from backlash.torque.problem import (
     Problem,
     largest_ripple,
     measure_turn,
+    prior_chi_squared,
     weigh_prior,
+    wind_up_share,
 )
-from backlash.torque.search import Candidate, distinct, move
+from backlash.torque.search import Candidate, Move, distinct, move
 from backlash.torque.unknowns import (
     DELAY,
     DELTA,
@@ -208,35 +210,55 @@ def a_prior():
     return Problem(None, Prior(mean, sd, 0.1 * sd, most_friction=0.6)), mean + 0.5
 
 
-def test_priors_are_distances_over_sds_which_below_zero_are_others():
+@pytest.mark.parametrize("friction", [0.2, -0.2, 0.7], ids=["usual", "below zero", "beyond all"])
+@pytest.mark.parametrize("soft", [-0.1, 0.2])
+def test_a_priors_slopes_are_those_of_its_chi_squared(friction, soft):
     problem, theta = a_prior()
-    theta[SOFT] = -0.1
-    for friction, weight, beyond in ((0.2, 1, 0), (-0.2, 10, 0), (0.7, 1, 0.1 / 0.05)):
+    theta[[FRICTION, SOFT, SHARE, GRAVITY, STIFFNESS]] = friction, soft, 0.6, 3.4, 9.9
+    hessian, downhill = weigh_prior(theta, theta, problem.prior)
+    moves = 1e-6 * np.eye(theta.size)
+    slopes = [
+        prior_chi_squared(theta + move, problem.prior)
+        - prior_chi_squared(theta - move, problem.prior)
+        for move in moves
+    ]
+    assert downhill == pytest.approx(-np.array(slopes) / 4e-6, rel=1e-6, abs=1e-7)
+    # Without the curvature of the soft part's share, which is none where there is no soft part.
+    shares = [wind_up_share(theta + move)[0] - wind_up_share(theta - move)[0] for move in moves]
+    slope = np.array(shares) / 2e-6 / 0.2 * (soft > 0)
+    sd = np.where(theta < 0, problem.prior.sd_below_zero, problem.prior.sd)
+    expected = np.diag(1 / sd**2) + np.outer(slope, slope)
+    expected[FRICTION, FRICTION] += (friction > 0.6) / 0.05**2
+    assert hessian == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_a_prior_is_of_distances_over_sds_which_below_zero_and_beyond_all_friction_are_others():
+    problem, theta = a_prior()
+    theta[:] = problem.prior.mean
+    for friction, expected in ((-0.2, 10), (0.2, 1)):
         theta[FRICTION] = friction
-        expected = (theta - problem.prior.mean) / problem.prior.sd
-        expected[[FRICTION, SOFT]] *= weight, 10
-        distances, slopes = weigh_prior(theta, theta, problem.prior)
-        assert distances == pytest.approx([*expected, 0, beyond])
-        assert slopes[:, FRICTION] == pytest.approx(
-            [
-                *(weight / problem.prior.sd[FRICTION] * (np.arange(theta.size) == FRICTION)),
-                *(0, (beyond > 0) / 0.05),
-            ]
-        )
-        above = weigh_prior(theta, np.abs(theta), problem.prior)[0]
-        assert above[FRICTION] == pytest.approx(
-            (friction - problem.prior.mean[FRICTION]) / problem.prior.sd[FRICTION]
-        )
+        distance = (friction - problem.prior.mean[FRICTION]) / problem.prior.sd[FRICTION]
+        assert prior_chi_squared(theta, problem.prior) == pytest.approx((expected * distance) ** 2)
+        above = weigh_prior(theta, np.abs(theta), problem.prior)[1]
+        assert above[FRICTION] == pytest.approx(-distance / problem.prior.sd[FRICTION])
+    theta[FRICTION] = 0.7
+    distance = (0.7 - problem.prior.mean[FRICTION]) / problem.prior.sd[FRICTION]
+    both = distance**2 + (0.1 / 0.05) ** 2
+    assert prior_chi_squared(theta, problem.prior) == pytest.approx(both)
 
 
 def test_a_soft_part_is_a_share_of_what_gravity_winds_up():
     problem, theta = a_prior()
+    theta[:] = problem.prior.mean
     theta[[SOFT, SHARE, GRAVITY, STIFFNESS]] = 0.2, 0.6, np.log(30.0), np.log(2e4)
     soft, spring = 0.4 * 0.2, 1e3 * 30 / 2e4
     share = soft / (soft + spring)
-    assert weigh_prior(theta, theta, problem.prior)[0][-2] == pytest.approx(share / 0.2)
+    assert wind_up_share(theta)[0] == pytest.approx(share)
     own = 0.2 / problem.prior.sd[SOFT]
     assert problem.prior_residuals(theta)[SOFT] == pytest.approx(np.hypot(own, share / 0.2))
+    without = theta * (np.arange(theta.size) != SOFT)
+    added = prior_chi_squared(theta, problem.prior) - prior_chi_squared(without, problem.prior)
+    assert added == pytest.approx(own**2 + (share / 0.2) ** 2)
 
 
 def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
@@ -285,12 +307,14 @@ def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmon
 
 
 def test_candidates_beside_another_and_those_that_are_the_same():
-    moved = move(candidate(0.5), -1.0, 0.15, False).theta
+    problem, _ = a_prior()
+    problem.prior.mean[[DELAY, SOFT]] = 7.0, 0.0
+    moved = move(problem, candidate(0.5), Move(-1.0, 0.15)).theta
     assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
-    assert (moved[STIFFNESS], moved[SOFT]) == (0.15, 0)
-    soft = move(candidate(0.5), 0.0, 0.0, True)
-    assert (soft.theta[DELTA], soft.theta[SOFT]) == pytest.approx((0.35, 0.3))
-    again = move(soft, 0.0, 0.0, True).theta
+    assert (moved[STIFFNESS], moved[SOFT], moved[DELAY]) == (0.15, 0, 0)
+    soft = move(problem, candidate(0.5), Move(softer_mrad=0.3, usual=(DELAY,)))
+    assert tuple(soft.theta[[DELTA, SOFT, DELAY]]) == pytest.approx((0.35, 0.3, 7.0))
+    again = move(problem, soft, Move(usual=(SOFT,))).theta
     assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
     near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
     chosen = [each.theta[DELTA] for each in distinct(near, 0.03)]
