@@ -106,4 +106,3 @@ STAMPS := $(patsubst %,.make/%.ran,$(filter $(NOTEBOOKS),$(ORDER)) $(filter-out 
 
 .make/report.ran: $(wildcard results/*.csv results/outcomes/*.json workbook/*.*) $(PACKAGES)
 	$(RUN) report
-	$(RUN) check || true

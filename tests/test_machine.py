@@ -42,7 +42,8 @@ def test_make_all_ends_where_it_cannot_ask_what_is_still_there(tmp_path):
     for name in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/small.ran"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    command = ["make", "-f", ROOT / "Makefile", "all", "PY=false", "STAMPS=.make/small.ran"]
+    command = ["make", "--no-print-directory", "-f", ROOT / "Makefile", "all", "PY=false"]
+    command += ["STAMPS=.make/small.ran"]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True)
     assert ended.returncode == 2
     assert ended.stdout == b""
@@ -71,7 +72,7 @@ def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
 
 
 def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "workbook.outcomes", None)
+    monkeypatch.setitem(sys.modules, "workbook.sources", None)
     assert workbook_command(["check"]) == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1

@@ -68,21 +68,22 @@ def run(notebook: Path) -> None:
 
 
 def report() -> None:
-    """Write the verdicts, report.md, what the results are made from, and the status in README.md, all or none."""
-    from workbook.outcomes import RESULTS, refuse_missing
+    """Write the verdicts, report.md, what the results are made from, and README's status, all or none; then check."""
     from workbook.report import write_report
+    from workbook.sources import RESULTS, refuse_missing
     from workbook.stamps import new_stamp
 
     refuse_missing()
     written = write_report(RESULTS, ROOT / "README.md")
     write_bytes(ROOT / ".make" / "report.ran", new_stamp(ROOT, written))
     print(written[0])
+    check()
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
     from workbook import judging, report
-    from workbook.outcomes import RESULTS, refuse_missing
+    from workbook.sources import RESULTS, refuse_missing
 
     refuse_missing()
     verdicts = judging.verdicts(RESULTS)
@@ -96,7 +97,7 @@ def check() -> int:
 def verify() -> int:
     """Write to verification.json and .md what ran here and whether it made what is committed; exit 1 if not."""
     from workbook.certificate import certify, find_differences, write_certificate
-    from workbook.outcomes import refuse_missing
+    from workbook.sources import refuse_missing
 
     refuse_missing()
     about = certify()

@@ -11,8 +11,8 @@ from llvmlite import binding
 from replication.files import ROOT, DataUnavailable, UserError
 from replication.records import AUTHORS_FILES, authors_checksums, authors_file
 from workbook import judging
-from workbook.outcomes import RESULTS, listed_exports, notebook_sources
 from workbook.provenance import provenance
+from workbook.sources import RESULTS, listed_exports, notebook_sources
 from workbook.stamps import changed_files, read_stamp, sha256, sha256_of
 
 

@@ -23,7 +23,7 @@ from nbformat.v4 import new_markdown_cell
 
 from replication import pinned_environment
 from replication.files import ROOT, DataUnavailable, UserError, write_bytes, write_files, write_text
-from workbook.outcomes import listed_exports
+from workbook.sources import listed_exports
 from workbook.stamps import new_stamp
 
 CELL_TIMEOUT_S = 900

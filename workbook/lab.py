@@ -12,7 +12,7 @@ from nbformat.sign import NotebookNotary
 from replication import pinned_environment
 from replication.files import ROOT, DataUnavailable, write_text
 from replication.records import AUTHORS_FILES, authors_file
-from workbook.outcomes import NOTEBOOKS, notebook_sources
+from workbook.sources import NOTEBOOKS, notebook_sources
 
 LAB = ROOT / "lab"
 # JupyterLab is not to ask for news and updates.

@@ -5,11 +5,10 @@ texts for the report's sentences ("facts"). `python -m workbook run` names the f
 REPLICATION_OUT; a notebook that is run by hand writes nothing.
 """
 
-import ast
 import io
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,6 @@ import pandas as pd
 from replication import published
 from replication.files import (
     FLOAT_FORMAT,
-    ROOT,
     UserError,
     check_kept,
     read_committed,
@@ -26,6 +24,7 @@ from replication.files import (
     write_json,
 )
 from replication.records import records_are_simulated
+from workbook.sources import RESULTS, how_to_make, notebook_sources
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,14 +33,7 @@ Numbers = float | Mapping[str, Sequence[float]]  # one, or realisations by setti
 Cells = Mapping[str, Numbers]
 Claims = Mapping[str, tuple[bool | None, str]]
 
-NOTEBOOKS, RESULTS = ROOT / "notebooks", ROOT / "results"
 OUTPUT_FOLDER = os.environ.get("REPLICATION_OUT", "")
-
-
-def notebook_sources() -> dict[str, Path]:
-    """Sources of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
-    files = [*NOTEBOOKS.glob("[0-9]*.py"), *NOTEBOOKS.glob("beyond/[0-9]*.py")]
-    return {path.stem: path for path in sorted(files, key=lambda path: path.name)}
 
 
 def say(sentence: str) -> None:
@@ -59,60 +51,6 @@ def show(figure: "Figure", finding: str) -> None:
     plt.close(figure)  # so that the end of the cell does not show it again
     display(figure)
     say(finding)
-
-
-def listed_exports(source: Path) -> list[str]:
-    """Files that a notebook makes, from the project's folder, as the calls in its source name them.
-
-    Its `.ipynb`; both files of each figure that it shows; what its call of `verdict` exports: an outcome and tables.
-    """
-    folder = "notebooks" if source.parent.name == "notebooks" else "notebooks/beyond"
-    return [f"{folder}/{source.stem}.ipynb", *_named_files(source)]
-
-
-def _named_files(source: Path) -> Iterator[str]:
-    parameters = ("text", "cells", "claims", "facts", "tables")  # of `verdict`, in their order
-    try:
-        tree = ast.parse(source.read_bytes())
-    except (SyntaxError, ValueError) as error:
-        raise UserError(f"{source}: not Python in UTF-8: {error}") from error
-    for call in ast.walk(tree):
-        match call:
-            case ast.Call(ast.Attribute(attr="show_figure"), [ast.Constant(str(name)), *_]):
-                yield from (f"figures/{name}.{kind}" for kind in ("png", "svg"))
-            case ast.Call(ast.Attribute(attr="verdict"), values, keywords):
-                given = dict(zip(parameters, values, strict=False))
-                given |= {each.arg: each.value for each in keywords if each.arg}
-                if {"cells", "claims", "facts"} & {*given}:
-                    yield f"results/outcomes/{source.stem}.json"
-                if isinstance(tables := given.get("tables"), ast.Dict):
-                    for key in tables.keys:
-                        if isinstance(key, ast.Constant):
-                            yield f"results/{key.value!s}.csv"
-
-
-def refuse_missing() -> None:
-    """Refuse to go on where a file is missing that a notebook makes, or an outcome is there that none makes.
-
-    What is missing is never judged; nor what a notebook had made before it, or its end, was removed.
-    """
-    listed: set[str] = set()
-    for source in notebook_sources().values():
-        for name in listed_exports(source):
-            listed.add(name)
-            file = ROOT / name
-            if not file.is_file() or not file.stat().st_size:
-                raise UserError(f"{name} is missing or empty; {how_to_make(source)}")
-    there = {f"results/outcomes/{file.name}" for file in RESULTS.glob("outcomes/*.json")}
-    for name in sorted(there - listed):
-        raise UserError(
-            f"{name}: no notebook makes it; git checkout brings the notebook back, or delete it"
-        )
-
-
-def how_to_make(source: Path) -> str:
-    """Say which command makes again what a notebook makes."""
-    return f".venv/bin/python -m workbook run {source.relative_to(ROOT)} makes it"
 
 
 def read_kept(name: str) -> pd.DataFrame:

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbook.outcomes import notebook_sources, read_kept, say
+from workbook.outcomes import read_kept, say
 from workbook.parameters import is_number
+from workbook.sources import notebook_sources
 
 # A model of a slow reader.
 WORDS_PER_MINUTE = 150

@@ -12,10 +12,11 @@ import pytest
 
 from replication.files import KEPT_SHA256, ROOT, UserError, check_kept, write_kept
 from studies.kept import KEPT, TIMED
-from workbook.outcomes import listed_exports, notebook_sources
+from workbook.sources import listed_exports, notebook_sources
 
 RESULTS = ROOT / "results"
-MARKS = {"engine": pytest.mark.slow}  # the others need files
+# The first needs a library, the second ten seconds; the others need files.
+MARKS = {"engine": pytest.mark.slow, "table2_prediction": pytest.mark.slow}
 TABLES = [pytest.param(name, marks=MARKS.get(name, pytest.mark.data)) for name in KEPT]
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}

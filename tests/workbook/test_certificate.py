@@ -8,7 +8,7 @@ import pytest
 from replication import records
 from replication.files import DataUnavailable, UserError
 from workbook import certificate, stamps
-from workbook.outcomes import listed_exports
+from workbook.sources import listed_exports
 
 FIGURE = "figures/one.svg"
 

@@ -12,7 +12,8 @@ import workbook
 from replication import published, table2
 from replication.files import UserError
 from workbook import judging
-from workbook.outcomes import RESULTS, cell_rows, load_outcomes
+from workbook.outcomes import cell_rows, load_outcomes
+from workbook.sources import RESULTS
 
 CELLS = published.cells()
 DERIVED = published.derived_numbers()

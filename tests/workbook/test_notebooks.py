@@ -7,7 +7,7 @@ import jupytext
 import nbformat
 import pytest
 
-from workbook.outcomes import notebook_sources
+from workbook.sources import notebook_sources
 
 SOURCES = notebook_sources()
 

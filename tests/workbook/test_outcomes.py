@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.files import UserError
-from workbook import outcomes
-from workbook.outcomes import RESULTS, ROOT
+from replication.files import ROOT, UserError
+from workbook import outcomes, sources
+from workbook.sources import RESULTS
 
 CELL = "equation10.A2"
 
@@ -68,7 +68,7 @@ WRONG = [
 
 @pytest.mark.parametrize("text", WRONG)
 def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path, text):
-    source = next(iter(outcomes.notebook_sources().values()))
+    source = next(iter(sources.notebook_sources().values()))
     file = tmp_path / "outcomes" / f"{source.stem}.json"
     file.parent.mkdir()
     file.write_text(json.dumps(GOOD), "utf-8")
@@ -86,14 +86,14 @@ def test_a_broken_outcome_is_named_with_what_makes_it_again(tmp_path, text):
 def test_the_committed_files_are_those_that_the_notebooks_name():
     named = [
         name
-        for source in outcomes.notebook_sources().values()
-        for name in outcomes.listed_exports(source)
+        for source in sources.notebook_sources().values()
+        for name in sources.listed_exports(source)
     ]
     assert len(named) == len({*named})
     made = [*ROOT.glob("figures/*"), *ROOT.glob("results/outcomes/*")]
     made += [*ROOT.glob("notebooks/*.ipynb"), *ROOT.glob("notebooks/beyond/*.ipynb")]
     assert {file.relative_to(ROOT).as_posix() for file in made} <= {*named}
-    outcomes.refuse_missing()
+    sources.refuse_missing()
 
 
 @pytest.fixture
@@ -105,24 +105,25 @@ def small_project(tmp_path, monkeypatch):
         'workbook.show_figure("one", figure, "A figure.")\n'
         'workbook.verdict("A sentence.", cells, tables={"small": table})\n'
     )
-    for name in outcomes.listed_exports(source):
+    for name in sources.listed_exports(source):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("made")
     for name, folder in (("ROOT", ""), ("NOTEBOOKS", "notebooks"), ("RESULTS", "results")):
-        monkeypatch.setattr(outcomes, name, tmp_path / folder)
+        monkeypatch.setattr(sources, name, tmp_path / folder)
+    monkeypatch.setattr(outcomes, "RESULTS", tmp_path / "results")
     return tmp_path
 
 
 @pytest.mark.parametrize("damage", [Path.unlink, lambda file: file.write_bytes(b"")])
 def test_each_missing_or_empty_file_is_named_with_the_notebook_that_makes_it(damage, small_project):
-    outcomes.refuse_missing()
+    sources.refuse_missing()
     files = [file for file in small_project.rglob("*.*") if file.suffix != ".py"]
     assert len(files) == 5
     for file in files:
         damage(file)
         says = rf"^{file.relative_to(small_project)} is missing or empty; .* run notebooks/01_small\.py"
         with pytest.raises(UserError, match=says):
-            outcomes.refuse_missing()
+            sources.refuse_missing()
         file.write_text("made again")
 
 
@@ -130,10 +131,10 @@ def test_an_outcome_that_no_notebook_makes_any_more_is_named(small_project):
     source = small_project / "notebooks" / "01_small.py"
     source.write_text(source.read_text().replace("cells, ", ""))
     with pytest.raises(UserError, match=r"01_small\.json: no notebook makes it; git checkout"):
-        outcomes.refuse_missing()
+        sources.refuse_missing()
     source.unlink()
     with pytest.raises(UserError, match=r"01_small\.json: no notebook makes it; git checkout"):
-        outcomes.refuse_missing()
+        sources.refuse_missing()
 
 
 def test_a_kept_table_that_is_missing_is_named(small_project):

@@ -11,7 +11,7 @@ from replication import published
 from replication.evidence import Rejections
 from replication.files import UserError
 from workbook import ROOT, judging, outcomes, report
-from workbook.outcomes import RESULTS
+from workbook.sources import RESULTS
 
 TEXT = (RESULTS / "report.md").read_text("utf-8")
 README = (ROOT / "README.md").read_text("utf-8")
