@@ -14,6 +14,7 @@ from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, check_positive, option_of
 from backlash.torque import fit_torque
+from replication.files import DISK_IS_FULL
 
 _OPTIONS = tuple(field.name for field in fields(LogOptions))
 _RATIOS = ("inertia_ratio", "gravity_per_s2")
@@ -116,6 +117,8 @@ def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
             raise request
         return examine(log, request)
     except Exception as error:  # one log must not stop a thousand others
+        if isinstance(error, OSError) and error.errno in DISK_IS_FULL:  # for compiled code, too
+            raise
         kind = "" if isinstance(error, Refusal) else f"{name_of(log)}: {type(error).__name__}: "
         return refused(log, f"{kind}{error}")
 

@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with warnings.catch_warnings(action="ignore"):
             if sys.stdout is None:
-                raise Refusal("the standard output is closed; send it to a file or to /dev/null")
+                raise UserError("the standard output is closed; send it to a file or to /dev/null")
             options = parser().parse_args(arguments)
             if options.command == "example":
                 print(f"Its backlash is 0.8 mrad. Now ask for it:\n{write_example()}")

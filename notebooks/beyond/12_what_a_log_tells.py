@@ -6,6 +6,7 @@
 # [3](../03_simulator_figure10.ipynb) and [8](../08_noise_table2.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -118,7 +119,7 @@ workbook.show_figure(
 # with the speed $v_i$ [rps] at the sample $i$ and the unknowns $z$. No unbiased estimator has a
 # smaller SD of the backlash than $\sqrt{\Sigma_{11}}$: that is the *Cramér-Rao bound*.
 #
-# ### The whole joint, in forty lines
+# ### The whole joint
 #
 # *The data* are the harmonics $c_k$ [rps] of a log's mean [settled](../glossary.md#settled) turn, of
 # the orders $k$ = 2 to 39 [periods a turn]: the first order is also that of the gear's eccentricity,
@@ -147,8 +148,8 @@ def measure_harmonics(v):  # eleven turns, and the noise of their mean
     return c.mean(axis=0), c.std(axis=0, ddof=1).mean() / np.sqrt(2 * len(c))
 
 
-def model(z, by_encoder):
-    delta, phase, friction, *logarithms = z
+@cache  # a phase, and the same joint again, need no new run
+def simulate_harmonics(delta, friction, logarithms, by_encoder):
     factors = dict(zip(bench.VARIED_RATIOS, np.exp(logarithms), strict=True))
     made = joint.change(settled, factors)
     # A drive with an encoder differences its position; this step hardly rounds it.
@@ -156,7 +157,13 @@ def model(z, by_encoder):
     made = made._replace(load_coulomb=1e-2 * friction * made.G, encoder_step=step)
     run = joint.simulate(made, 1e-3 * delta, duration=0.4)
     v = np.diff(run.theta_m) / (joint.TURN * 2e-3) if by_encoder else run.v[:-1]
-    return np.fft.rfft(v)[ORDERS] / SAMPLES * np.exp(1j * phase * ORDERS)
+    return np.fft.rfft(v)[ORDERS] / SAMPLES
+
+
+def model(z, by_encoder):
+    delta, phase, friction, *logarithms = z
+    V = simulate_harmonics(delta, friction, tuple(logarithms), by_encoder)
+    return V * np.exp(1j * phase * ORDERS)
 
 
 def residual(z, c, noise, by_encoder):
@@ -187,11 +194,13 @@ def fit_joint(v, by_encoder, unknowns=8):
         guess(delta, log[0], by_encoder) for delta in (0.3, 0.7, 1.1, 1.5, 1.9)
     ]
     starts.sort(key=lambda z: np.sum(residual(z, *log) ** 2))
-    limits, scale = (LOWEST[:unknowns], np.inf), 100 * STEPS[:unknowns]
+    settings = {
+        "bounds": (LOWEST[:unknowns], np.inf),
+        "x_scale": 100 * STEPS[:unknowns],
+        "ftol": 1e-6,  # of the sum: below a hundredth of an SD
+    }
     fits = [
-        least_squares(
-            residual, z[:unknowns], slopes, limits, x_scale=scale, args=log
-        )
+        least_squares(residual, z[:unknowns], slopes, args=log, **settings)
         for z in starts[:2]
     ]
     return min(fits, key=lambda fit: fit.cost)
