@@ -2,6 +2,7 @@
 
 import ctypes
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,12 @@ from replication.files import UserError
 def njit(function: Callable, fastmath: set[str] | bool = False) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
     try:
-        import numba  # slow, and not every command computes
+        with warnings.catch_warnings():
+            # A setting that it cannot read it leaves, and prints a traceback.
+            warnings.filterwarnings("error", "Environment variable", RuntimeWarning)
+            import numba  # slow, and not every command computes
     except Exception as error:  # whatever a setting of the user's makes it raise
-        why = " ".join(str(error).split())
+        why = " ".join(str(error).partition("The parse failed")[0].split())
         where = "the variables NUMBA_... and the file .numba_config.yaml"
         raise UserError(f"numba does not start: {why}; see {where}") from error
     try:

@@ -61,6 +61,7 @@ def test_a_command_whose_output_is_closed_says_so_in_one_line(words, tmp_path):
 
 
 def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
+    monkeypatch.delenv("BACKLASH_DATA", raising=False)
     console = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
     monkeypatch.setattr(sys, "stdout", console)
     for name in ("verdicts", "claims"):
@@ -72,6 +73,7 @@ def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
 
 
 def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, capsys):
+    monkeypatch.delenv("BACKLASH_DATA", raising=False)
     monkeypatch.setitem(sys.modules, "workbook.sources", None)
     assert workbook_command(["check"]) == 2
     line = capsys.readouterr().err
@@ -148,6 +150,7 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     ("variables", "file", "says"),
     [
         ({"NUMBA_NUM_THREADS": "0"}, "", "must be > 0"),
+        ({"NUMBA_NUM_THREADS": "two"}, "", "'two' could not be parsed"),
         ({}, "num_threads: [1\n - x: : {", "flow sequence"),
     ],
 )
