@@ -84,10 +84,13 @@ chosen[["joint", "verdict", "reason"]]
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 commonest = chosen["reason"].value_counts()
 reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest.items())
-workbook.say(
-    f"The reasons: {reasons or 'none'}. Most robots are logged while they work, "
-    "and not while one joint turns round at constant speed under gravity."
-)
+why = ""
+if "not constant speed" in commonest:
+    why = (
+        " Robots are logged while they work, and not while one joint turns round "
+        "at constant speed under gravity."
+    )
+workbook.say(f"The reasons: {reasons or 'none'}.{why}")
 
 # %% [markdown]
 # One of each reason, in full:
