@@ -71,8 +71,8 @@ class SearchSettings:
     last_tolerance: float = 1e-10
     near: float = 20.0  # chi squared beyond the best end's of ends that go on
     most_near: int = 6
-    # Chi squared has small kinks, at one of which a descent ends: so it begins again from just beside, and from the
-    # same joint with usual details.
+    # Many minima lie close together: so descents begin again from just beside the lowest, and from the same joint with
+    # usual details.
     restarts: tuple[Move, ...] = (
         *(Move(0.25), Move(-0.25), Move(stiffer=0.03), Move(stiffer=-0.03)),
         *(Move(softer_mrad=0.3, usual=_DETAILS), Move(usual=_TIMES)),
