@@ -97,12 +97,12 @@ BEYOND := $(wildcard backlash/*.py backlash/*/*.py backlash/data/* studies/*.py 
 READERS := $(wildcard notebooks/*.py notebooks/*/*.py) workbook/report.py
 $(foreach rule,$(shell grep -oE 'kept_table."[a-z0-9_]+"|read_kept."[a-z0-9_]+"|read_realisations' $(READERS) /dev/null | \
   sed -E 's|read_realisations|."table2_realisations"|; s|.*/(.*)\.py:.*"(.*)"|.make/\1.ran:results/\2.csv|'),$(eval $(rule)))
-results/%.csv:
+results/%:
 	@echo '$@ is missing; git checkout brings it back, or make studies' >&2; exit 2
 
 NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
 ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)
 STAMPS := $(patsubst %,.make/%.ran,$(filter $(NOTEBOOKS),$(ORDER)) $(filter-out $(ORDER),$(NOTEBOOKS)))
 
-.make/report.ran: $(wildcard results/*.csv results/outcomes/*.json workbook/*.*) $(PACKAGES)
+.make/report.ran: results/kept_sha256.json $(wildcard results/*.csv results/outcomes/*.json workbook/*.*) $(PACKAGES)
 	$(RUN) report

@@ -4,6 +4,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from backlash.refusals import Refusal
+from replication.files import read_committed
 
 LOG = files("backlash") / "data" / "example.csv"
 EXAMPLE_OPTIONS = "--torque torque --gear-ratio 100 --inertia-ratio 2 --gravity 30"
@@ -11,9 +12,10 @@ EXAMPLE_OPTIONS = "--torque torque --gear-ratio 100 --inertia-ratio 2 --gravity 
 
 def write_example(path: Path = Path("example.csv")) -> str:
     """Write the log, which is no real joint's; return the command that estimates its backlash."""
+    content = read_committed(LOG, str.encode)
     try:
         with path.open("xb") as file:
-            file.write(LOG.read_bytes())
+            file.write(content)
     except FileExistsError as error:
         raise Refusal(
             f"{path}: there is a file of this name; remove it, or go elsewhere"

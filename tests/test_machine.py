@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import replication
+from backlash import example
 from replication import joint, published, records
 from replication.files import UserError
 from tests.logs import command, noisy, write
@@ -79,6 +80,21 @@ def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, c
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert "remove .venv, and make" in line
+
+
+def test_make_names_the_list_of_kept_tables_where_it_is_gone(tmp_path):
+    command = ["make", "-f", ROOT / "Makefile", ".make/report.ran"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert ended.returncode == 2
+    assert "results/kept_sha256.json is missing; git checkout brings it back" in ended.stderr
+
+
+def test_an_example_that_was_cut_is_named_and_nothing_is_written(tmp_path, monkeypatch):
+    (tmp_path / "cut.csv").write_text("time [s],speed")
+    monkeypatch.setattr(example, "LOG", tmp_path / "cut.csv")
+    with pytest.raises(UserError, match=r"cut\.csv: damaged .* git checkout brings it back"):
+        example.write_example(tmp_path / "new.csv")
+    assert not (tmp_path / "new.csv").exists()
 
 
 DAMAGES = {

@@ -339,8 +339,10 @@ def start_make(folder):
         if not (folder / package).exists():
             (folder / package).symlink_to(ROOT / package)
     (folder / ".venv").mkdir(exist_ok=True)
-    for made in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.ran"):
-        (folder / made).touch()
+    (folder / "results").mkdir(exist_ok=True)
+    made = ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.ran")
+    for name in (*made, "results/kept_sha256.json"):
+        (folder / name).touch()
     os.utime(folder / ".make" / "report.ran", (2**32, 2**32))  # the report is our own project's
     command = [
         "make",
