@@ -70,8 +70,9 @@ class Comparison(NamedTuple):
     acceleration: ComplexArray  # i omega times the speed
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
-    motion: FloatArray  # angle and acceleration in the middle of each step, each with its slope by the lag [ms]
-    direction: ComplexArray  # e^(i angle)
+    # In the middle of each step: e^(i angle); the angle's slope by the lag [ms], acceleration and its slope by the lag.
+    direction: ComplexArray
+    motion: FloatArray
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
 
 
@@ -106,8 +107,8 @@ def compare(
         acceleration=(1j * speed.omega * speed.coefficient)[used],
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
-        motion=motion,
         direction=np.exp(1j * motion[0]),
+        motion=motion[1:],
         smoothing=smoothing,
     )
 
@@ -205,7 +206,7 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
             source[2 + FRICTION] = g
             source[2 + PHASE] = tilt
             source[2 + GRAVITY] = sine + g * theta[FRICTION] - cosine * middle
-            source[2 + LAG] = motion[3, i] + tilt * motion[1, i]
+            source[2 + LAG] = motion[2, i] + tilt * motion[0, i]
         for k in range(columns):
             x_slope, v_slope = jacobian[0, k], jacobian[1, k]
             c_k = own[k] + c_x * x_slope + c_v * v_slope
@@ -257,18 +258,17 @@ def _close_orbit(
 def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
     """What forces the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x.
 
-    Force, cosine and sine, shape (3, steps). What the lag moves the angle by is taken to the first order where it
-    differs from its mean, as the lag is.
+    Force, cosine and sine, shape (3, steps). What the lag moves the angle by, a ripple, is taken to the first order, as
+    the lag is.
     """
-    _, angle_by_lag, acceleration, acceleration_by_lag = c.motion
-    lag, mean = theta[LAG], angle_by_lag.mean()
-    turned = 1j * lag * (angle_by_lag - mean)
+    angle_by_lag, acceleration, acceleration_by_lag = c.motion
+    turned = 1j * theta[LAG] * angle_by_lag
     turned += 1.0
     turned *= c.direction
-    turned *= np.exp(theta[GRAVITY] + 1j * (theta[PHASE] + lag * mean))
+    turned *= np.exp(theta[GRAVITY] + 1j * theta[PHASE])
     forcing = np.empty((3, turned.size))
     forcing[1], forcing[2] = turned.real, turned.imag
-    np.multiply(lag, acceleration_by_lag, out=forcing[0])
+    np.multiply(theta[LAG], acceleration_by_lag, out=forcing[0])
     forcing[0] += acceleration
     forcing[0] += forcing[2]
     forcing[0] += np.exp(theta[GRAVITY]) * theta[FRICTION]

@@ -17,9 +17,12 @@ from backlash.torque.unknowns import (
     DRAG,
     FILTER,
     FRICTION,
+    GRAVITY,
+    LAG,
     LOSS,
     NAMES,
     OF_CONTACT,
+    PHASE,
     SOFT,
     STIFFNESS,
 )
@@ -90,7 +93,7 @@ def test_an_orbit_that_no_load_keeps_to_is_no_answer(problem, cosine, is_stable)
     forcing = np.zeros((3, 1000))
     forcing[1] = cosine
     theta = some_unknowns(delta_mrad=100.0, drag=0.0)
-    compared = problem[0].compared._replace(step_s=1e-3, motion=np.zeros((4, 1000)))
+    compared = problem[0].compared._replace(step_s=1e-3, motion=np.zeros((3, 1000)))
     orbit = driven_load._close_orbit(theta, compared, forcing, 0, np.zeros(2))
     assert (orbit is not None) == is_stable
 
@@ -99,7 +102,7 @@ def test_a_turn_of_an_orbit_ends_where_it_begins_with_its_contact_torques(proble
     made, theta = problem
     # From a start that is off by so much, Newton's last step goes by slopes alone.
     here = driven_load.predict(theta, made.compared)
-    again = driven_load.predict(theta, made.compared, here.start + np.array([2e-8, 0.0]))
+    again = driven_load.predict(theta, made.compared, here.start + np.array([2e-8, -5e-6]))
     assert again.start == pytest.approx(here.start, abs=1e-10)
     assert again.contact == pytest.approx(here.contact, abs=1e-7 * np.abs(here.contact).max())
 
@@ -183,12 +186,24 @@ def test_the_motion_is_that_of_the_speeds_harmonics_in_the_middle_of_each_step()
         ]
         for k in (-1, 0, 1, 2)
     ]
-    expected = [turns.TURN * t / 0.5 + rates[0], 1e-3 * rates[1], rates[2], 1e-3 * rates[3]]
+    angle = turns.TURN * t / 0.5 + rates[0]
+    np.testing.assert_allclose(made.direction, np.exp(1j * angle), rtol=1e-9, atol=1e-9)
+    expected = [1e-3 * rates[1], rates[2], 1e-3 * rates[3]]
     np.testing.assert_allclose(made.motion, expected, rtol=1e-9, atol=1e-9)
     power = np.array([0.25, 0.01])  # beyond the first, the mean over seven with the ends mirrored
     mean = [5.0, (4 * power[0] + 3 * power[1]) / 7]
     own = np.array([0.1, 0.3]) ** 2 + 0.05**2 * np.array(mean) / 2
     np.testing.assert_allclose(made.own_variance, own, rtol=1e-9)
+
+
+def test_gravity_and_friction_force_the_load_at_the_measured_angle():
+    made, theta = a_comparison(), some_unknowns()
+    angle_by_lag, acceleration, acceleration_by_lag = made.motion
+    q = np.angle(made.direction) + theta[LAG] * angle_by_lag + theta[PHASE]
+    g = np.exp(theta[GRAVITY])
+    force = acceleration + theta[LAG] * acceleration_by_lag + g * (np.sin(q) + theta[FRICTION])
+    expected = [force, g * np.cos(q), g * np.sin(q)]
+    np.testing.assert_allclose(driven_load._force_load(theta, made), expected, atol=1e-7 * g)
 
 
 def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
@@ -224,8 +239,8 @@ def test_the_orbit_is_the_one_that_scipy_integrates():
     made, theta = a_comparison(1e-4), some_unknowns()
     orbit = driven_load.predict(theta, made)
     h, steps = made.step_s, made.motion.shape[1]
-    angle, angle_by_lag, acceleration, acceleration_by_lag = made.motion
-    q = angle + 0.8 * angle_by_lag + 0.4
+    angle_by_lag, acceleration, acceleration_by_lag = made.motion
+    q = np.angle(made.direction) + 0.8 * angle_by_lag + 0.4
 
     def contact(x, v):
         depth = max(abs(x) - 1.5e-3, 0)
