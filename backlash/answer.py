@@ -67,8 +67,8 @@ class Estimate:
     def to_dict(self) -> dict[str, Any]:
         """The attributes but the trace, in order, ready for JSON, then the total play and the version."""
         half, ends = self.backlash_rad, self.backlash_interval_rad
-        kept = {name: value for name, value in vars(self).items() if name != "trace"}
-        return kept | {
+        attributes = {name: value for name, value in vars(self).items() if name != "trace"}
+        return attributes | {
             "total_play_rad": None if half is None else 2 * half,
             "total_play_interval_rad": ends and (2 * ends[0], 2 * ends[1]),
             "version": __version__,
