@@ -449,11 +449,11 @@ forgotten_mrad = equation_10(0.6 / 60)
 print(f"{forgotten_mrad:.3f} mrad, in place of {equation_10(0.6):.3f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(forgotten_mrad, 0.0397, to=0.001)
+workbook.check_answer(forgotten_mrad, 1e3 * np.polyval(coefficients, 0.6), to=0.001)
 
 # %% [markdown]
 # **3.** How much of the theoretical $A$ does the largest sample of the noise-free $r(t)$ after the
-# first turn miss (`missed_percent` [%], to 0.2)?
+# first turn miss (`missed_percent` [%], to 0.05)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 missed_percent = 100 * (1 - (clean[t >= T_f].max() - v_t) / A_true)
@@ -461,7 +461,7 @@ print(f"it misses {missed_percent:.1f} % of A: the peak lies between two samples
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 workbook.check_answer(
-    missed_percent, -off_percent(clean[t >= T_f].max() - v_t), to=0.2
+    missed_percent, -off_percent(clean[t >= T_f].max() - v_t), to=0.05
 )
 
 # %% [markdown]

@@ -392,7 +392,10 @@ peak_ratio = with_gains / alone
 print(f"{peak_ratio:.2f}: the first has twice the gains, too")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(peak_ratio, 0.5824, to=0.02)
+doubled = {"J_m": 2 * committed.J_m}
+gains = {k: 2 * getattr(committed, k) for k in ("K_p", "K_i", "K_d", "K_w")}
+heights = [peak(committed._replace(**each)) for each in (doubled | gains, doubled)]
+workbook.check_answer(peak_ratio, heights[0] / heights[1], to=0.02)
 
 # %% [markdown]
 # **2.** Move the joint's start by half a turn of the load, $\theta_0 + \pi$. How much earlier does the

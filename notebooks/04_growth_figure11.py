@@ -8,6 +8,7 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
+from scipy.optimize import newton
 from scipy.signal import find_peaks
 
 import workbook
@@ -341,7 +342,9 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(twice_mrad, 0.7563, to=0.005)
+lowest_rps = peak(identified, 3e-4)
+twice_rad = newton(lambda delta: peak(identified, delta) / lowest_rps - 2, 6e-4)
+workbook.check_answer(twice_mrad, 1e3 * twice_rad, to=0.005)
 
 # %% [markdown]
 # **2.** By the formula above the impact's speed grows as $\omega_l^{1/3}$. How many times as high is
@@ -353,7 +356,9 @@ times_as_high = peak(identified, 1e-3) / peak(slow, 1e-3)
 print(f"{times_as_high:.2f} times, by the formula {2 ** (1 / 3):.2f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(times_as_high, 1.1528, to=0.02)
+halves = (change(identified, {"Omega": factor}) for factor in (1, 0.5))
+fast_rps, slow_rps = (peak(each, 1e-3) for each in halves)
+workbook.check_answer(times_as_high, fast_rps / slow_rps, to=0.02)
 
 # %% [markdown]
 # **3.** The faster the joint turns, the more is left of a ring when the next impact comes. The ring
@@ -368,7 +373,7 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(tenth_rps, 130.3, to=2)
+workbook.check_answer(tenth_rps, 15 * identified.N / np.log(100), to=2)
 
 # %% [markdown]
 # **What you have learnt**: the disturbance grows more slowly than the backlash, and the noise is

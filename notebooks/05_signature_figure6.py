@@ -394,7 +394,10 @@ workbook.check_answer(literal_rmse, literal, to=0.01)
 shift_s = 0.2  # half a turn, to either side: a fit tells |A|, not its sign
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(shift_s, lambda s: abs(s % 0.4 - 0.2) <= 0.01 + 1e-9, to=0.01)
+turn_s = Timing().T_f
+workbook.check_answer(
+    shift_s, lambda s: abs(s % turn_s - turn_s / 2) <= 0.01 + 1e-9, to=0.01
+)
 
 # %% [markdown]
 # **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open a whole sampling period of

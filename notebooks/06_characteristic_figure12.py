@@ -337,7 +337,10 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(inverse_mrad, 0.8409, to=0.002)
+cubic = np.polyfit(1e3 * delta, 60 * theoretical, 3)
+mrad = np.linspace(0.3, 2.1, 1801)
+crossing = np.interp(36, np.polyval(cubic, mrad), mrad)
+workbook.check_answer(inverse_mrad, crossing, to=0.002)
 
 # %% [markdown]
 # **2.** The printed coefficients have four decimals. By how much at most can the rounding of the
@@ -353,7 +356,9 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(rounding_urad, 15.94, to=1)
+rounded_up = np.append(printed[:3], printed[3] + 0.5e-10)
+rounded_up = polynomial(60 * theoretical[-1], rounded_up)
+workbook.check_answer(rounding_urad, 1e6 * (rounded_up - in_rpm[-1]), to=1)
 
 # %% [markdown]
 # **3.** Which $A$ (`limit_rps` [rps], to 0.01) does a sensor read when the backlash has reached 2
@@ -366,7 +371,7 @@ least = np.diff(polynomial(np.arange(69.0), printed)).min()
 print(f"{limit_rps:.3f} rps; it grows by {1e3 * least:.2g} mrad per rpm or more")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(limit_rps, 1.096, to=0.01)
+workbook.check_answer(limit_rps, np.interp(2e-3, by_print, A_rps), to=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a formula without units can be tested on its own points, and a printed

@@ -5,6 +5,7 @@
 # Before this: notebook [11](11_your_own_joint.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+import numpy as np
 import pandas as pd
 from scipy import stats
 
@@ -196,7 +197,7 @@ workbook.try_changing(
 # committed notebooks.
 
 # %%
-highest_percent = sure = half_play_mrad = float("nan")  # your answers
+highest_percent = sure = half_play_mrad = np.nan  # your answers
 
 # %% [markdown]
 # **1.** No alarm on `joints` independent joints that were all answered: how large may the rate of
@@ -231,11 +232,11 @@ workbook.check_answer(sure, len(rigid.query("abs(loss) > 3 * loss_sd")))
 # most (`half_play_mrad` [mrad], to 0.01)?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-half_play_mrad = 1e3 * (0.15 * 3.14159 / 180) / 2
+half_play_mrad = 1e3 * (0.15 * np.pi / 180) / 2
 print(f"{half_play_mrad:.2f} mrad")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(half_play_mrad, 1.309, to=0.01)
+workbook.check_answer(half_play_mrad, 1e3 * np.radians(0.15 / 2), to=0.01)
 
 # %% [markdown]
 # **What you have learnt**: a sensor can only be tested on logs that it could judge.

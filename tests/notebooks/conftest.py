@@ -143,8 +143,8 @@ def run_to_promises(monkeypatch, computed_once):
 def answer_exercises(monkeypatch, on_simulated_records):
     """Run a lab copy with its solutions; returns what the check of each exercise says, of other answers too."""
 
-    def run(name, others, **parameters):
-        running, exercises = Running(monkeypatch, name, parameters), []
+    def run(name, others, edit=("", ""), **parameters):
+        running, exercises = Running(monkeypatch, name, parameters, edit), []
         source = "\n".join(cell.source for cell in running.cells)
         line = re.search(r"^((?:\w+ = )+)\S+  # your answers", source, re.MULTILINE)[1]
         names = line.split(" = ")
@@ -164,7 +164,7 @@ def answer_exercises(monkeypatch, on_simulated_records):
                 answer = names[len(exercises)]
                 stripped = solution.copy()
                 lab.ask_for_answer(stripped)
-                tried = others[answer]
+                tried = others.get(answer, {})
                 exercises.append(
                     answer_exercise(running, answer, stripped, solution, cell, asked, tried)
                 )
