@@ -35,33 +35,8 @@ workbook.say_times("01_the_joint")
 # $$J_m \dot\omega_m = \tau_m - \tau_l / N, \qquad
 # J_l \dot\omega_l = \tau_l - G \sin\theta_l - \tau_c \, \text{sign}(\omega_l)$$
 #
-# **The dead zone.** The teeth are free while the displacement
-# $\Delta\theta = \theta_m / N - \theta_l$ [rad] is within $\pm\delta$; with a sharp edge $\tau_l$ is
-# the stiffness $K_s$ [N m/rad] times what exceeds $\pm\delta$. The paper smooths the edge with a
-# sharpness $\alpha$ [1/rad], not printed, and adds damping $D_s$ [N m s/rad] ($\Delta\omega$ [rad/s] is
-# the rate of $\Delta\theta$):
-#
-# $$K_{BL}(\Delta\theta, \delta) = \frac{K_s}{\pi}\left[\pi + \arctan(\alpha(\Delta\theta - \delta))
-# - \arctan(\alpha(\Delta\theta + \delta))\right] \tag{8}$$
-#
-# $$\tau_l = \left[\Delta\theta - \delta \cdot \text{sign}(\Delta\theta) + \frac{D_s}{K_s}\Delta\omega\right]
-# \cdot K_{BL}(\Delta\theta, \delta) \tag{9}$$
-#
-# **The drive** compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with
-# those commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's
-# angle at $t = 0$). The gains $K_\text{pos}$ [1/s] of the position and $K_p$ [N m s] of the speed act
-# on the error $e_k$ [rad/s]; $K_i$ [N m] sums it up in $I_k$ [N m]; a derivative $K_d$ [N m s²] damps;
-# a leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
-#
-# $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
-#
-# $$I_k = I_{k-1} + K_i T_c e_k, \qquad w_k = w_{k-1} + T_c\left[\Omega - \omega_m(t_k) - a_w w_{k-1}\right]$$
-#
-# $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_c}$$
-#
-# The torque $u_k$ [N m] is applied one period late and held, and the current loop follows with the
-# lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$. The numbers are
-# identified ([notebook 3](03_simulator_figure10.ipynb)). The ring's decay is $\sigma$ [1/s] here.
+# The equations of gap and drive come where they are used; all numbers are identified ([notebook
+# 3](03_simulator_figure10.ipynb)).
 #
 # ## Parameters
 
@@ -127,8 +102,20 @@ workbook.show(
 # %% [markdown]
 # ### Inside the gap (figure 9)
 #
-# Equations 8 and 9 at rest ($\Delta\omega = 0$), and the sharp edge. *Predict:* which part of $K_s$
-# is left at the edge of the gap, and in its middle?
+# The teeth are free while the displacement
+# $\Delta\theta = \theta_m / N - \theta_l$ [rad] is within $\pm\delta$; with a sharp edge $\tau_l$ is
+# the stiffness $K_s$ [N m/rad] times what exceeds $\pm\delta$. The paper smooths the edge with a
+# sharpness $\alpha$ [1/rad], not printed, and adds damping $D_s$ [N m s/rad] ($\Delta\omega$ [rad/s] is
+# the rate of $\Delta\theta$):
+#
+# $$K_{BL}(\Delta\theta, \delta) = \frac{K_s}{\pi}\left[\pi + \arctan(\alpha(\Delta\theta - \delta))
+# - \arctan(\alpha(\Delta\theta + \delta))\right] \tag{8}$$
+#
+# $$\tau_l = \left[\Delta\theta - \delta \cdot \text{sign}(\Delta\theta) + \frac{D_s}{K_s}\Delta\omega\right]
+# \cdot K_{BL}(\Delta\theta, \delta) \tag{9}$$
+#
+# Drawn at rest ($\Delta\omega = 0$), with the sharp edge. *Predict:* which part of $K_s$ is left at the
+# edge of the gap, and in its middle?
 
 
 # %%
@@ -165,6 +152,21 @@ workbook.show_figure(
 # $2 \delta K_{BL}(0, \delta)$.
 #
 # ### The same with SciPy
+#
+# The drive compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with
+# those commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's
+# angle at $t = 0$). The gains $K_\text{pos}$ [1/s] of the position and $K_p$ [N m s] of the speed act
+# on the error $e_k$ [rad/s]; $K_i$ [N m] sums it up in $I_k$ [N m]; a derivative $K_d$ [N m s²] damps;
+# a leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
+#
+# $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
+#
+# $$I_k = I_{k-1} + K_i T_c e_k, \qquad w_k = w_{k-1} + T_c\left[\Omega - \omega_m(t_k) - a_w w_{k-1}\right]$$
+#
+# $$u_k = K_p e_k + I_k + K_w w_k - K_d \frac{\omega_m(t_k) - \omega_m(t_{k-1})}{T_c}$$
+#
+# The torque $u_k$ [N m] is applied one period late and held, and the current loop follows with the
+# lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$.
 #
 # `solve_ivp` solves the same equations, one control period after another. *Predict:* do they agree
 # with `simulate`?
@@ -229,8 +231,8 @@ both = {
 }
 workbook.show(
     figures.curves(both, "time [s]", "$r$ [rps]", xlim=(0.4, 0.8)),
-    "The two solutions of the same equations are at most "
-    f"{max(apart_rps, 1e-5):.5f} rps apart in the second turn.",
+    f"{'They do' if apart_rps < 0.01 else 'No, their equations differ'}: the "
+    f"largest difference in the second turn is {max(apart_rps, 1e-5):.2g} rps.",
 )
 
 # %% [markdown]
@@ -241,9 +243,9 @@ workbook.show(
 #
 # $$J_l s^2 + \frac{K_s \, N^2 Z(s)}{K_s + N^2 Z(s)} = 0, \qquad s = -\sigma + i\omega.$$
 #
-# The integral of the speed's error is the error of the position, so the drive holds the motor like
-# a spring: $Z \approx K_i + K_p K_{pos} + K_w$, the first step, *two springs*. *Predict:* which
-# term makes the ring decay?
+# The ring decays at the rate $\sigma$ [1/s]. The integral of the speed's error is the error of the
+# position, so the drive holds the motor like a spring: $Z \approx K_i + K_p K_{pos} + K_w$, the first
+# step, *two springs*. *Predict:* which term makes the ring decay?
 
 
 # %%
@@ -292,11 +294,12 @@ ring.round(1) + 0.0  # no -0.0
 gained = ring["decay [1/s]"].diff()
 workbook.say(
     f"“{gained.idxmax()}” adds most to the decay, {gained.max():+.0f} 1/s; "
-    f"“{gained.idxmin()}” changes it by {gained.min():+.0f} 1/s. A torque against "
-    "the speed (K_p) takes energy out; a late one opposes the speed less."
+    f"“{gained.idxmin()}” changes it by {gained.min():+.0f} 1/s."
 )
 
 # %% [markdown]
+# A torque against the speed ($K_p$) takes energy out; a late one opposes the speed less.
+#
 # From 20 ms after an impact until the teeth part, a damped oscillation is fitted to the simulated
 # speed, on a parabola for gravity's slow change. *Predict:* does it ring as the terms say?
 
