@@ -268,11 +268,11 @@ pd.DataFrame({"mean NRMSE [%]": edges}).rename_axis("alpha [1/rad]").round(2)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 softest = next(iter(edges))
-alike = [edge for edge in edges if edges[edge] < 1.05 * edges["infinite"]]
+*alike, _ = [edge for edge in edges if edges[edge] < 1.05 * edges["infinite"]]
 workbook.say(
-    f"From $\\alpha$ = {alike[0]} on the misfit is at most 5 % above that of the "
-    "clamped dead zone: softer edges leave stiffness in the gap ([notebook "
-    "1](01_the_joint.ipynb))."
+    "At most 5 % above the misfit of the clamped dead zone: $\\alpha$ = "
+    f"{'; '.join(alike) or 'none'}. Softer edges leave stiffness in the gap "
+    "([notebook 1](01_the_joint.ipynb))."
 )
 
 # %% [markdown]
@@ -392,10 +392,9 @@ peak_ratio = with_gains / alone
 print(f"{peak_ratio:.2f}: the first has twice the gains, too")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-doubled = {"J_m": 2 * committed.J_m}
-gains = {k: 2 * getattr(committed, k) for k in ("K_p", "K_i", "K_d", "K_w")}
-heights = [peak(committed._replace(**each)) for each in (doubled | gains, doubled)]
-workbook.check_answer(peak_ratio, heights[0] / heights[1], to=0.02)
+doubled = dict.fromkeys(("J_m", "K_p", "K_i", "K_d", "K_w"), 2.0)
+of_fields = peak(change(committed, doubled)) / peak(change(committed, {"J_m": 2.0}))
+workbook.check_answer(peak_ratio, of_fields, to=0.02)
 
 # %% [markdown]
 # **2.** Move the joint's start by half a turn of the load, $\theta_0 + \pi$. How much earlier does the

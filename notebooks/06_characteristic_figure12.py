@@ -54,9 +54,8 @@ workbook.show(
     figures.curves(lines, "theoretical $A$ [rps]", figures.BACKLASH_LABEL),
     f"In rps it gives {1e3 * in_rps.min():.3f} to {1e3 * in_rps.max():.3f} mrad "
     "at all ten points; in rpm it misses none by more than "
-    f"{misses:.3f} mrad. The equation "
-    "takes rpm ([erratum E1](../results/report.md#errata)), so the coefficient of "
-    "$A^k$ is in rad/rpm$^k$.",
+    f"{misses:.3f} mrad. As printed the equation takes rpm ([erratum E1]"
+    "(../results/report.md#errata)): the coefficient of $A^k$ is in rad/rpm$^k$.",
 )
 
 # %% [markdown]
@@ -100,7 +99,8 @@ with workbook.explain("left_out", left_out):
 #
 # ### The cubic
 #
-# *Predict:* how many of the printed digits come back?
+# The unit of $A$ is the rpm, or what `rpm_per_rps` makes of it. *Predict:* how many of the printed
+# digits come back?
 
 
 # %%
@@ -116,7 +116,7 @@ used = ~np.isin(np.arange(1, delta.size + 1), left_out)
 A_rpm = rpm_per_rps * theoretical
 fitted, fitted_rmse = fit_polynomial(A_rpm[used], delta[used])
 printed_rmse = published.value("equation10.rmse")
-names = [*(f"A^{k} [1e-6 rad/rpm^{k}]" for k in range(4)), "RMSE [1e-6 rad]"]
+names = [*(f"A^{k} [1e-6 rad/unit^{k}]" for k in range(4)), "RMSE [1e-6 rad]"]
 both = {"printed": [*printed, printed_rmse], "fitted": [*fitted, fitted_rmse]}
 (1e6 * pd.DataFrame(both, index=names)).map("{:.6g}".format)
 
@@ -172,7 +172,7 @@ workbook.show_figure(
     f"up to {off_percent:.1f} % off the printed A, the curves at most "
     f"{1e3 * apart:.2g} mrad apart, and the coefficient of A is "
     f"{ours[1] / printed[1]:.2f} times the printed one. The powers of A grow alike "
-    "over this range, so one coefficient makes up for another.",
+    "over this range, so one coefficient can make up for another.",
 )
 
 # %% [markdown]
@@ -192,12 +192,13 @@ points.map("{:.4g}".format)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 error = points["error"].abs()
+worst, off_A = error.idxmax(), 100 * np.abs(mean / theoretical - 1)
 slopes = np.gradient(points["by A in rpm"], points["A_rps"])
 workbook.say(
-    f"Row {error.idxmax() + 1}, {1e3 * error.max():.2g} mrad: its relative error "
-    "is not the largest, but its $A$ is, and the slope there is "
-    f"{1e3 * slopes[error.idxmax()]:.2g} mrad per rps; in row 1 it is "
-    f"{1e3 * slopes[0]:.2g}."
+    f"Row {worst + 1}, {1e3 * error.max():.2g} mrad: its $A$ is "
+    f"{off_A[worst]:.1f} % off (row {off_A.argmax() + 1}'s, the farthest, "
+    f"{off_A.max():.1f} %), and the slope is {1e3 * slopes[worst]:.2g} mrad per "
+    f"rps there, {1e3 * slopes[0]:.2g} in row 1."
 )
 
 # %% [markdown]
@@ -356,9 +357,8 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-rounded_up = np.append(printed[:3], printed[3] + 0.5e-10)
-rounded_up = polynomial(60 * theoretical[-1], rounded_up)
-workbook.check_answer(rounding_urad, 1e6 * (rounded_up - in_rpm[-1]), to=1)
+of_half_a_digit = polynomial(60 * theoretical[-1], [0, 0, 0, 0.5e-4])
+workbook.check_answer(rounding_urad, of_half_a_digit, to=1)
 
 # %% [markdown]
 # **3.** Which $A$ (`limit_rps` [rps], to 0.01) does a sensor read when the backlash has reached 2

@@ -254,8 +254,8 @@ outcome = (
 )
 if found.any():
     outcome = (
-        f"{found.sum()} of {len(runs)} runs of {named} ended within 1 % of the "
-        f"lowest RMSE, {best.rmse:.4f} rps, the best with |A| = "
+        f"{found.sum()} of {len(runs)} run{'s' * (len(runs) > 1)} of {named} ended "
+        f"within 1 % of the lowest RMSE, {best.rmse:.4f} rps, the best with |A| = "
         f"{abs(lowest['A']):.3f} rps"
     )
 if times < 0.99:
@@ -279,12 +279,13 @@ workbook.say(f"In this run {outcome}.{why}")
 
 # %% [markdown]
 # ## Verdict
+#
+# A mean over runs that end in several minima is no estimate of $A$.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(
     f"In this run {outcome}. Stopped by the limit, `iterations` = {iterations}: "
-    f"{limited} of {len(runs)}. A mean over runs that end in several minima is no "
-    "estimate of $A$."
+    f"{limited} of {len(runs)}."
 )
 
 # %% [markdown]

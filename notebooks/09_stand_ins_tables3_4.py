@@ -372,10 +372,8 @@ left = [np.std(signs @ wave / 24) / np.std(wave) for wave in waves]
 print(np.round(left, 3))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-# A half turn turns the wave by pi k, and the signs by pi more.
-turned = np.outer([8, 8.5, 9], np.arange(24)) + np.arange(24)
-means = np.abs(np.exp(1j * np.pi * turned).mean(axis=1))
-workbook.check_answer(left, means, to=0.02)
+is_odd = [k % 2 == 1 for k in (8, 8.5, 9)]  # all of it is left, else none
+workbook.check_answer(left, is_odd, to=0.02)
 
 # %% [markdown]
 # **What you have learnt**: a stand-in shows what is typical and tests nothing; a threshold is chosen

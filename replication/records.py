@@ -208,6 +208,8 @@ def load_clean(level: int) -> Recording:
     """Load the noise-free record of level K; the authors' K = 3 to 13 are public."""
     if records_are_simulated():
         return simulate_clean(level)
+    if level not in CLEAN_LEVELS:
+        raise ValueError(f"no clean record K = {level} is public: K is 3 to 13")
     path = f"Speeddata{level}.xlsx"
     return _authors_recording(authors_file(path), path)
 

@@ -229,7 +229,7 @@ def fit_bench(seed):
     return fit_joint(log.v, by_encoder=True)
 
 
-with workbook.explain("gain_factor", gain_factor):
+with workbook.explain("gain_factor, bench_seed", (gain_factor, bench_seed)):
     fits = [fit_bench(bench_seed + number) for number in range(benches)]
 fit = fits[0]
 Sigma = covariance(fit)
@@ -265,7 +265,8 @@ workbook.say(
 # %% [markdown]
 # ### The authors' noisy logs
 #
-# Errors of three estimators: the paper's equation 10 on $A$ of the best fit; the joint fitted with
+# Errors of three estimators: the paper's equation 10 on $A$ of the best fit, one number of the
+# waveform; the joint fitted with
 # all eight unknowns; and with the start and the backlash alone, the paper's joint known. `bound` is
 # the Cramér-Rao bound, as the mean size of an error. The paper's joint was identified from clean records
 # of the same simulator, with which notebook 3 compares all eleven: the third estimator knows its
@@ -300,7 +301,7 @@ mean, bound = summary["mean error"], summary["bound"]
 workbook.say(
     f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.2g} µrad; "
     f"{mean.idxmax()} errs most, "
-    f"{1e3 * mean.max():.2g} µrad. An amplitude is one number of the waveform. "
+    f"{1e3 * mean.max():.2g} µrad. "
     "Knowing the joint lowers the bound "
     f"{bound['joint unknown'] / bound['joint known']:.1f} times; the fit of the "
     f"unknown joint errs {mean['joint unknown'] / bound['joint unknown']:.1f} "

@@ -30,7 +30,8 @@ workbook.say_times("13_settings_of_table2")
 #
 # **Replay.** A run with the stored seed draws the same random numbers, so it should be the stored
 # run, generation by generation, if constants, bounds (`replication.cmaes`) and signs of
-# eigenvectors are those of 2021 (`studies.eigen` has LAPACK's older plane rotation).
+# eigenvectors are those of 2021 (`studies.eigen` has LAPACK's older plane rotation). It leaves the
+# stored run where rounding decides a sign.
 #
 # **Settings** differ in the unit that the search sees (rps, or rpm about the mean), the box of $A$
 # (Table 1's, or the notebook's, 1.3 times as wide), the population, and the start: the whole
@@ -114,8 +115,7 @@ basins
 workbook.say(
     f"{agreeing} of {len(compared)} printed generations agree within "
     f"{replay.AGREE_RPS:.0e} rps, and {same_end.sum()} of {len(ended)} runs end at "
-    "the stored misfit. A run leaves the stored one where rounding decides the "
-    f"sign of an eigenvector. The stored runs end in {len(basins)} basins."
+    f"the stored misfit. The stored runs end in {len(basins)} basins."
 )
 
 # %% [markdown]

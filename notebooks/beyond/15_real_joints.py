@@ -132,15 +132,14 @@ lost = {
     joint: hardware.lost_motion([records[name] for name in axes[joint]])
     for joint in axes
 }
+with_limit = "No joint of these logs has a second encoder."
 if lost:
     table = pd.concat(lost, names=["joint", "by"])
     display(table.map("{:.2e}".format))
     limits = 1e3 * table["high_rad"].xs("sign of torque", level="by")
-    if len(limits):
-        workbook.say(
-            f"{len(limits)} of {len(lost)} axes have a limit, at most "
-            f"{limits.max():.3f} mrad."
-        )
+    with_limit = f"{len(limits)} of {len(lost)} axes have a limit"
+    with_limit += f", at most {limits.max():.3f} mrad." if len(limits) else "."
+workbook.say(with_limit)
 
 # %% [markdown]
 # ## Verdict

@@ -82,8 +82,29 @@ def test_no_sentence_has_a_number_that_is_none_or_the_wrong_number_of_a_noun(
 
 
 def test_one_joint_is_not_called_joints(run_to_promises, hardware_logs):
-    (verdict,) = run_to_promises("15", {"makes": ["T-Motor"]}).verdicts
-    assert verdict.startswith("Of 4 logs (joints: 1) the sensor answers 0 ")
+    run = run_to_promises("15", {"makes": ["T-Motor"]})
+    assert run.verdicts[0].startswith("Of 4 logs (joints: 1) the sensor answers 0 ")
+    assert run.said[-1] == "No joint of these logs has a second encoder."
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "code", "says"),
+    [
+        ("00", {"runs": 1}, "np.sin(X. → np.cos(X.", "as printed, not the code above"),
+        ("00", {"backlash_mrad": 0.05, "runs": 3}, "", "No: with 60 points"),
+        ("01", {}, "held = u → held = 1.1 * u", "No, their equations differ"),
+        ("03", {"alphas": [1e3], "start_factor": 1.0}, "", "$\\alpha$ = none. "),
+        ("04", {"commanded_speed_rps": 300.0}, "", "does not grow everywhere"),
+        ("07", {"seeds": [2]}, "", "1 of 1 run of CMA-ES"),
+        ("08", {"public": [1], "runs_each": 2}, "0.4, 401 → 0.04, 401", "Minima in 40 ms: "),
+    ],
+)
+def test_a_sentence_says_what_a_change_did(
+    run_to_promises, on_simulated_records, name, parameters, code, says
+):
+    run = run_to_promises(name, parameters, code)
+    assert any(says in said for said in run.said + run.verdicts), run.said
+    assert not re.search(r"\b(nan|inf)\b", " ".join(run.said + run.verdicts))
 
 
 def test_impacts_that_are_not_half_a_turn_apart_are_named_before_the_shape_of_the_ring(
@@ -170,7 +191,7 @@ def test_a_wider_box_is_not_judged_by_the_lowest_misfit_of_the_authors_box(run_n
 def test_with_four_members_no_mean_of_table_2_is_said_to_be_this_runs(run_notebook):
     _, text, _ = run_notebook("08", population=4, runs_each=2, public=[1])
     assert text.startswith("In this run 0 % of 20 searches with a population of 4")
-    assert "On 10 of 10 records no run finds it" in text
+    assert "a mean of $A$ says nothing: 10 of 10." in text
     assert "Read from the kept realisations, not from this run:" in text
 
 

@@ -71,6 +71,12 @@ def test_a_record_of_constant_speed_is_twelve_turns_at_100_rps_and_its_noise_is_
     assert stats.kstest(first, stats.uniform(-0.1, 0.2).cdf).pvalue > 0.01
 
 
+def test_a_clean_record_that_is_not_public_is_refused():
+    for level in (2, 14):
+        with pytest.raises(ValueError, match=f"no clean record K = {level} is public"):
+            load_clean(level)
+
+
 def test_our_records_take_the_authors_place_if_that_is_asked_for(monkeypatch):
     monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
     clean, first, again, other = load_clean(3), load_noisy(3, 1), load_noisy(3, 1), load_noisy(3, 2)
