@@ -27,16 +27,15 @@ workbook.say_times("01_the_joint")
 #
 # ## Method
 #
-# **The mechanics.** The motor (angle $\theta_m$ [rad], speed $\omega_m$ [rad/s], inertia $J_m$ [kg
-# m²], torque $\tau_m$ [N m]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio
-# $N$ and a coupling of the torque $\tau_l$ [N m]. $G$ [N m] is the largest torque of gravity,
-# $\theta_l = 0$ hangs straight down, $\tau_c$ [N m] is Coulomb friction:
+# The motor (angle $\theta_m$ [rad], speed $\omega_m$ [rad/s], inertia $J_m$ [kg m²], torque
+# $\tau_m$ [N m]) turns the load ($\theta_l$, $\omega_l$, $J_l$) through a gear of ratio $N$ and a
+# coupling of the torque $\tau_l$ [N m]. $G$ [N m] is the largest torque of gravity, $\theta_l = 0$
+# hangs straight down, $\tau_c$ [N m] is Coulomb friction:
 #
 # $$J_m \dot\omega_m = \tau_m - \tau_l / N, \qquad
 # J_l \dot\omega_l = \tau_l - G \sin\theta_l - \tau_c \, \text{sign}(\omega_l)$$
 #
-# The equations of gap and drive come where they are used; all numbers are identified ([notebook
-# 3](03_simulator_figure10.ipynb)).
+# All numbers are identified ([notebook 3](03_simulator_figure10.ipynb)).
 #
 # ## Parameters
 
@@ -102,11 +101,10 @@ workbook.show(
 # %% [markdown]
 # ### Inside the gap (figure 9)
 #
-# The teeth are free while the displacement
-# $\Delta\theta = \theta_m / N - \theta_l$ [rad] is within $\pm\delta$; with a sharp edge $\tau_l$ is
-# the stiffness $K_s$ [N m/rad] times what exceeds $\pm\delta$. The paper smooths the edge with a
-# sharpness $\alpha$ [1/rad], not printed, and adds damping $D_s$ [N m s/rad] ($\Delta\omega$ [rad/s] is
-# the rate of $\Delta\theta$):
+# The teeth are free while the displacement $\Delta\theta = \theta_m / N - \theta_l$ [rad] is within
+# $\pm\delta$; with a sharp edge $\tau_l$ is the stiffness $K_s$ [N m/rad] times what exceeds
+# $\pm\delta$. The paper smooths the edge with a sharpness $\alpha$ [1/rad], not printed, and adds
+# damping $D_s$ [N m s/rad] ($\Delta\omega$ [rad/s] is the rate of $\Delta\theta$):
 #
 # $$K_{BL}(\Delta\theta, \delta) = \frac{K_s}{\pi}\left[\pi + \arctan(\alpha(\Delta\theta - \delta))
 # - \arctan(\alpha(\Delta\theta + \delta))\right] \tag{8}$$
@@ -114,8 +112,8 @@ workbook.show(
 # $$\tau_l = \left[\Delta\theta - \delta \cdot \text{sign}(\Delta\theta) + \frac{D_s}{K_s}\Delta\omega\right]
 # \cdot K_{BL}(\Delta\theta, \delta) \tag{9}$$
 #
-# Drawn at rest ($\Delta\omega = 0$), with the sharp edge. *Predict:* which part of $K_s$ is left at the
-# edge of the gap, and in its middle?
+# At rest, beside the sharp edge. *Predict:* which part of $K_s$ is left at the edge of the gap,
+# and in its middle?
 
 
 # %%
@@ -153,11 +151,11 @@ workbook.show_figure(
 #
 # ### The same with SciPy
 #
-# The drive compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with
-# those commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's
-# angle at $t = 0$). The gains $K_\text{pos}$ [1/s] of the position and $K_p$ [N m s] of the speed act
-# on the error $e_k$ [rad/s]; $K_i$ [N m] sums it up in $I_k$ [N m]; a derivative $K_d$ [N m s²] damps;
-# a leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
+# The drive compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with those
+# commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's angle at
+# $t = 0$). The gains $K_\text{pos}$ [1/s] of the position and $K_p$ [N m s] of the speed act on the
+# error $e_k$ [rad/s]; $K_i$ [N m] sums it up in $I_k$ [N m]; a derivative $K_d$ [N m s²] damps; a
+# leaky integrator $w_k$ [rad] of gain $K_w$ [N m] forgets at the rate $a_w$ [1/s]:
 #
 # $$e_k = K_\text{pos}\left[N\theta_0 + \Omega t_k - \theta_m(t_k)\right] + \Omega - \omega_m(t_k)$$
 #
@@ -168,8 +166,7 @@ workbook.show_figure(
 # The torque $u_k$ [N m] is applied one period late and held, and the current loop follows with the
 # lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$.
 #
-# `solve_ivp` solves the same equations, one control period after another. *Predict:* do they agree
-# with `simulate`?
+# `solve_ivp` solves the same equations, period by period. *Predict:* do they agree with `simulate`?
 
 
 # %%
@@ -238,14 +235,15 @@ workbook.show(
 # %% [markdown]
 # ### Why it rings near 21 Hz, and decays
 #
-# With the teeth in contact the joint is linear. If the motor resists a motion $e^{st}$ of its angle
-# with the torque $Z(s)$ [N m/rad], the load swings on $K_s$ and, through the gear, on $N^2 Z$:
+# With the teeth in contact the joint is linear: it rings, with the decay $\sigma$ [1/s]. If the
+# motor resists a motion $e^{st}$ of its angle with the torque $Z(s)$ [N m/rad], the load swings on
+# $K_s$ and, through the gear, on $N^2 Z$:
 #
 # $$J_l s^2 + \frac{K_s \, N^2 Z(s)}{K_s + N^2 Z(s)} = 0, \qquad s = -\sigma + i\omega.$$
 #
-# The ring decays at the rate $\sigma$ [1/s]. The integral of the speed's error is the error of the
-# position, so the drive holds the motor like a spring: $Z \approx K_i + K_p K_{pos} + K_w$, the first
-# step, *two springs*. *Predict:* which term makes the ring decay?
+# The integral of the speed's error is the error of the position, so the drive holds the motor like
+# a spring: $Z \approx K_i + K_p K_{pos} + K_w$, the first step, *two springs*. *Predict:* which
+# term makes the ring decay?
 
 
 # %%
@@ -298,7 +296,7 @@ workbook.say(
 )
 
 # %% [markdown]
-# A torque against the speed ($K_p$) takes energy out; a late one opposes the speed less.
+# A torque against the speed ($K_p$) takes energy out; a late one opposes it less.
 #
 # From 20 ms after an impact until the teeth part, a damped oscillation is fitted to the simulated
 # speed, on a parabola for gravity's slow change. *Predict:* does it ring as the terms say?

@@ -53,7 +53,7 @@ workbook.say_times("03_simulator_figure10")
 #
 # `changes` multiplies by factors. A ratio (such as `K_s/J_l` or `K_p/J_m`) is changed with the others
 # kept: half of `J_l/(N^2 J_m)` doubles the motor's inertia *and* all gains. A quantity (such as `J_m`
-# or `load_coulomb`) is changed alone.
+# or `Omega`) is changed alone.
 
 # %% tags=["parameters"]
 level = 8  # the authors' record K that is drawn

@@ -58,6 +58,7 @@ workbook.check_parameters(
     optimiser=("CMA-ES", callable),
 )
 workbook.check_bounds("box", box)
+seeds = [*dict.fromkeys(seeds)]  # each once
 
 # %% [markdown]
 # ## Result
@@ -280,7 +281,7 @@ workbook.say(f"In this run {outcome}.{why}")
 # %% [markdown]
 # ## Verdict
 #
-# A mean over runs that end in several minima is no estimate of $A$.
+# A mean over several minima is no estimate of $A$.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(

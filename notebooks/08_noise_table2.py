@@ -101,7 +101,11 @@ axis.locator_params(axis="x", nbins=5)
 axis.set(xlabel="$|A|$ [rps]", ylabel="RMSE [rps]")
 inside = shown["A_rps"].abs()[shown["at_minimum"]]
 answer = "Yes" if len(inside) == len(shown) else "No"
-alone = f", of these alone {inside.std():.4f} rps" if len(inside) > 1 else ""
+alone = (
+    f", of these alone {inside.std():.4f} rps"
+    if 1 < len(inside) < len(shown)
+    else ""
+)
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),

@@ -266,11 +266,10 @@ workbook.say(
 # ### The authors' noisy logs
 #
 # Errors of three estimators: the paper's equation 10 on $A$ of the best fit, one number of the
-# waveform; the joint fitted with
-# all eight unknowns; and with the start and the backlash alone, the paper's joint known. `bound` is
-# the Cramér-Rao bound, as the mean size of an error. The paper's joint was identified from clean records
-# of the same simulator, with which notebook 3 compares all eleven: the third estimator knows its
-# joint. *Predict:* which errs least?
+# waveform; the joint fitted with all eight unknowns; and with the start and the backlash alone, the
+# paper's joint known. `bound` is the Cramér-Rao bound, as the mean size of an error. The paper's
+# joint was identified from clean records of the same simulator, with which notebook 3 compares all
+# eleven: the third estimator knows its joint. *Predict:* which errs least?
 
 
 # %%
@@ -299,9 +298,9 @@ summary.round(4)
 logs = len({*levels}) * len({*realisations})
 mean, bound = summary["mean error"], summary["bound"]
 workbook.say(
-    f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.2g} µrad; "
+    f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.0f} µrad; "
     f"{mean.idxmax()} errs most, "
-    f"{1e3 * mean.max():.2g} µrad. "
+    f"{1e3 * mean.max():.0f} µrad. "
     "Knowing the joint lowers the bound "
     f"{bound['joint unknown'] / bound['joint known']:.1f} times; the fit of the "
     f"unknown joint errs {mean['joint unknown'] / bound['joint unknown']:.1f} "

@@ -30,8 +30,8 @@ workbook.say_times("13_settings_of_table2")
 #
 # **Replay.** A run with the stored seed draws the same random numbers, so it should be the stored
 # run, generation by generation, if constants, bounds (`replication.cmaes`) and signs of
-# eigenvectors are those of 2021 (`studies.eigen` has LAPACK's older plane rotation). It leaves the
-# stored run where rounding decides a sign.
+# eigenvectors are those of 2021 (`studies.eigen` has LAPACK's older plane rotation). Rounding
+# decides some signs.
 #
 # **Settings** differ in the unit that the search sees (rps, or rpm about the mean), the box of $A$
 # (Table 1's, or the notebook's, 1.3 times as wide), the population, and the start: the whole
@@ -49,7 +49,7 @@ workbook.say_times("13_settings_of_table2")
 # share of the $N + 1$ tables that score as far out, at least $1/(N + 1)$. Where rows share neither
 # settings nor start, 20 000 tables put together row by row make $p$ finer.
 #
-# Start, settings and score are the analyst's choice. So all are shown: a multiverse analysis
+# Start, settings and score are the analyst's choice. All are shown: a multiverse analysis
 # (Steegen and others 2016), drawn like the specification curve of Simonsohn and others (2020).
 
 # %% [markdown]

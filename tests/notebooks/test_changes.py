@@ -95,7 +95,7 @@ def test_one_joint_is_not_called_joints(run_to_promises, hardware_logs):
         ("01", {}, "held = u → held = 1.1 * u", "No, their equations differ"),
         ("03", {"alphas": [1e3], "start_factor": 1.0}, "", "$\\alpha$ = none. "),
         ("04", {"commanded_speed_rps": 300.0}, "", "does not grow everywhere"),
-        ("07", {"seeds": [2]}, "", "1 of 1 run of CMA-ES"),
+        ("07", {"seeds": [2, 2]}, "", "1 of 1 run of CMA-ES"),
         ("08", {"public": [1], "runs_each": 2}, "0.4, 401 → 0.04, 401", "Minima in 40 ms: "),
     ],
 )
