@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
@@ -130,7 +131,7 @@ def dominant_period(recording: Recording, torque: FloatArray) -> float | None:
     """The period [s] of a line in the torque that is gravity's rather than the given turn's own; None without one."""
     given, window = recording.turn_period_s, np.hanning(torque.size)
     wave = (torque - torque.mean()) * window
-    size = 8 * torque.size
+    size = next_fast_len(8 * torque.size, real=True)
     hz = np.fft.rfftfreq(size, recording.sample_s)
     amplitude = 2 * np.abs(np.fft.rfft(wave, size)) / window.sum()
     lasts = torque.size * recording.sample_s

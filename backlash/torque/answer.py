@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
@@ -231,7 +232,8 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
     rows = settled_turns(recording, torque)
     sample_s = recording.turn_period_s / rows.shape[1]
     noise = np.diff((rows - rows.mean(axis=0)).ravel())
-    power = np.abs(np.fft.rfft(noise, 2 * noise.size)) ** 2
+    size = next_fast_len(2 * noise.size, real=True)
+    power = np.abs(np.fft.rfft(noise, size)) ** 2
     correlation = np.fft.irfft(power)[: round(_LONGEST_MEAN_S / sample_s)] / max(
         power.mean(), 1e-300
     )

@@ -19,6 +19,7 @@ harmonic's SD is that of both columns there, by the joint with its teeth in cont
 torque. The Jacobian by the unknowns is integrated with the load.
 """
 
+import cmath
 import math
 from typing import NamedTuple
 
@@ -56,6 +57,7 @@ _MOST_TURNS = 12  # by Newton's method, which needs 2 to 4
 # From here Newton's last step is exact to 1e-11, a millionth of the least backlash that matters.
 _NEARLY_CLOSED_RAD = 1e-7
 _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
+_UNIT = np.eye(2)
 
 
 class Comparison(NamedTuple):
@@ -70,7 +72,8 @@ class Comparison(NamedTuple):
     acceleration: ComplexArray  # i omega times the speed
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
-    # In the middle of each step: e^(i angle); the angle's slope by the lag [ms], acceleration and its slope by the lag.
+    # In the middle of each step: e^(i angle) and its slope by the lag [ms], shape (2, steps); the angle's slope by the
+    # lag, acceleration and its slope by the lag.
     direction: ComplexArray
     motion: FloatArray
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
@@ -107,7 +110,7 @@ def compare(
         acceleration=(1j * speed.omega * speed.coefficient)[used],
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
-        direction=np.exp(1j * motion[0]),
+        direction=np.exp(1j * motion[0]) * np.array([np.ones(steps), 1j * motion[1]]),
         motion=motion[1:],
         smoothing=smoothing,
     )
@@ -230,7 +233,7 @@ def _close_orbit(
     contact, by_start = np.empty(steps), np.empty((2, steps))
     before, rate = math.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
     for turn in range(settling_turns + _MOST_TURNS):
-        end, jacobian = start.copy(), np.eye(2)
+        end, jacobian = start.copy(), _UNIT.copy()
         _simulate_turn(theta, c.step_s, c.motion, forcing, 1.0, end, jacobian, contact, by_start)
         (xx, xv), (vx, vv) = jacobian.tolist()
         miss_x, miss_v = (end - start).tolist()
@@ -261,17 +264,17 @@ def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
     Force, cosine and sine, shape (3, steps). What the lag moves the angle by, a ripple, is taken to the first order, as
     the lag is.
     """
-    angle_by_lag, acceleration, acceleration_by_lag = c.motion
-    turned = 1j * theta[LAG] * angle_by_lag
-    turned += 1.0
-    turned *= c.direction
-    turned *= np.exp(theta[GRAVITY] + 1j * theta[PHASE])
+    _, acceleration, acceleration_by_lag = c.motion
+    lag, g = float(theta[LAG]), math.exp(min(theta[GRAVITY], 700.0))  # below infinity
+    turned = lag * c.direction[1]
+    turned += c.direction[0]
+    turned *= cmath.rect(g, theta[PHASE])
     forcing = np.empty((3, turned.size))
     forcing[1], forcing[2] = turned.real, turned.imag
-    np.multiply(theta[LAG], acceleration_by_lag, out=forcing[0])
+    np.multiply(lag, acceleration_by_lag, out=forcing[0])
     forcing[0] += acceleration
     forcing[0] += forcing[2]
-    forcing[0] += np.exp(theta[GRAVITY]) * theta[FRICTION]
+    forcing[0] += g * theta[FRICTION]
     return forcing
 
 

@@ -104,11 +104,12 @@ def largest_ripple(speed: Harmonics) -> float:
 
 
 class Prior(NamedTuple):
-    """What is known of the unknowns beforehand; below zero, where nothing can be, by a smaller SD."""
+    """What is known of the unknowns beforehand; a weight is one over the square of an SD."""
 
     mean: FloatArray
     sd: FloatArray
-    sd_below_zero: FloatArray
+    weight: FloatArray
+    weight_below_zero: FloatArray  # larger where nothing can be below
     most_friction: float  # of the load: all friction
 
 
@@ -139,12 +140,13 @@ def weigh_prior(theta: FloatArray, side: FloatArray, prior: Prior) -> tuple[Floa
 
     The law changes where an unknown is 0; it is that of the side on which another joint is.
     """
-    weight = np.square(1 / np.where(side < 0, prior.sd_below_zero, prior.sd))
+    weight = np.where(side < 0, prior.weight_below_zero, prior.weight)
     hessian, downhill = np.diag(weight), weight * (prior.mean - theta)
     if side[SOFT] > 0:
         share, slope = wind_up_share(theta)
-        hessian += slope[:, None] * slope / _SOFT_SD**2
-        downhill -= share * slope / _SOFT_SD**2
+        weighted = slope / _SOFT_SD**2
+        hessian += weighted[:, None] * slope
+        downhill -= share * weighted
     if side[FRICTION] > prior.most_friction:
         hessian[FRICTION, FRICTION] += _BEYOND_SD**-2
         downhill[FRICTION] -= (theta[FRICTION] - prior.most_friction) / _BEYOND_SD**2
@@ -153,10 +155,12 @@ def weigh_prior(theta: FloatArray, side: FloatArray, prior: Prior) -> tuple[Floa
 
 def prior_chi_squared(theta: FloatArray, prior: Prior) -> float:
     """The sum of the squares of the distances from what is known beforehand over their SDs."""
-    distance = (theta - prior.mean) / np.where(theta < 0, prior.sd_below_zero, prior.sd)
+    distance = theta - prior.mean
+    weight = np.where(theta < 0, prior.weight_below_zero, prior.weight)
     share = wind_up_share(theta)[0] if theta[SOFT] > 0 else 0.0
     beyond = max(float(theta[FRICTION]) - prior.most_friction, 0.0)
-    return float(distance @ distance) + (share / _SOFT_SD) ** 2 + (beyond / _BEYOND_SD) ** 2
+    own = float(weight * distance @ distance)
+    return own + (share / _SOFT_SD) ** 2 + (beyond / _BEYOND_SD) ** 2
 
 
 def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:
@@ -194,5 +198,5 @@ def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) ->
     used = turn.used & (turn.speed.order <= harmonics)
     smoothing = c.loss_smoothing * g
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
-    prior = Prior(mean, sd, np.where(np.isnan(below), sd, below), turn.friction)
-    return Problem(compared, prior)
+    weight, weight_below = sd**-2.0, np.where(np.isnan(below), sd, below) ** -2.0
+    return Problem(compared, Prior(mean, sd, weight, weight_below, turn.friction))

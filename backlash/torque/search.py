@@ -98,6 +98,7 @@ class Candidate(NamedTuple):
 
     theta: FloatArray
     chi2: float
+    prior_chi2: float = 0.0
     predicted: Prediction | None = None
     residuals: FloatArray = np.empty(0)
 
@@ -168,12 +169,13 @@ def place_each(problem: Problem, delta_mrad: float, ring: float) -> list[Candida
 
 def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = None) -> Candidate:
     """A joint with its misfit, by the orbit near a start or from rest."""
+    prior_chi2 = prior_chi_squared(theta, problem.prior)
     predicted = predict(theta, problem.compared, start)
     if predicted is None:
-        return Candidate(theta, np.inf)
+        return Candidate(theta, np.inf, prior_chi2)
     residuals = torque_residuals(predicted, problem.compared)
-    chi2 = float(residuals @ residuals) + prior_chi_squared(theta, problem.prior)
-    return Candidate(theta, chi2, predicted, residuals)
+    chi2 = float(residuals @ residuals) + prior_chi2
+    return Candidate(theta, chi2, prior_chi2, predicted, residuals)
 
 
 def descend_each(problem: Problem, begins: list[Candidate], tolerance: float) -> list[Candidate]:
@@ -268,8 +270,7 @@ def descend(
         there = evaluate(problem, here.theta + step, start)
         gain = here.chi2 - there.chi2
         linear = here.residuals + slopes.residuals @ step
-        prior_chi2 = prior_chi_squared(there.theta, problem.prior)
-        expected = here.chi2 - float(linear @ linear) - prior_chi2
+        expected = here.chi2 - float(linear @ linear) - there.prior_chi2
         if gain > 0:
             here = there
             is_slow = gain < tolerance * here.chi2 or here.chi2 - 20 * gain > target
@@ -304,8 +305,9 @@ def _find_step(
     damped = slopes.normal + np.diag(damping * _PER_STEP_2)
     for _ in range(_MOST_SIDES):
         hessian, downhill = weigh_prior(theta, side, problem.prior)
-        matrix, right = damped + hessian, slopes.downhill + downhill
-        *_, step[free], _ = dposv(matrix[free, free], right[free])
+        hessian += damped
+        downhill += slopes.downhill
+        *_, step[free], _ = dposv(hessian[free, free], downhill[free])
         before, side = side, theta + step
         is_beyond = side[FRICTION] > most_friction, before[FRICTION] > most_friction
         if is_beyond[0] == is_beyond[1] and ((side > 0) == (before > 0)).all():
