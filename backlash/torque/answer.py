@@ -9,7 +9,7 @@ from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque.load import differentiate
 from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
-from backlash.torque.search import Candidate, hold_delta, search
+from backlash.torque.search import SETTINGS, Candidate, hold_delta, search
 from backlash.torque.unknowns import (
     DELAY,
     DELTA,
@@ -54,6 +54,7 @@ class AnswerLimits:
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
     most_prior_residual: float = 3.5  # right fits of joints stay below
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
+    usual_low_pass_ms: float = 3.0  # of a drive's current; a slower torque may be filtered or a mean
     most_change: float = 0.03  # of gravity by turns: a backlash that errs by as much is covered
     # Odd against even turns over gravity, and the times of gravity's line: joints stay below a third of these limits.
     # Another axis of 2 % of gravity at 0.5 or 1.5 times the turn, and a clock that wanders by 3 ms, exceed them.
@@ -62,9 +63,9 @@ class AnswerLimits:
     # Acceleration of a line over gravity's: joints stay below half of it, unless the drive hums; a gear's error of
     # 0.5 mrad a hundred times a turn reaches about as much, if it is sampled at all.
     most_ripple: float = 0.1
-    # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, three.
+    # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, as the search has it.
     clear: float = 25.0
-    rival: float = 9.0
+    rival: float = SETTINGS.rival
     negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
 
 
@@ -98,7 +99,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     _check_movement(recording, torque, turn, load)
     refuse_averaged(recording, torque)
     problem = state_problem(turn, load)
-    best, *others = search(problem, state_problem(turn, load, is_rough=True))
+    best, *others = _put_joint_first(
+        problem, search(problem, state_problem(turn, load, is_rough=True))
+    )
     # Of chi squared, where the model leaves more than noise.
     scale = max(best.chi2 / problem.size, 1.0)
     covariance = scale * _covariance(problem, best)
@@ -118,6 +121,16 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio),
         model_torque=_model_torque(recording, torque, problem, best),
     )
+
+
+def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]:
+    """The ends, first the lowest that a joint can be, unless the lowest of all is clearly below it."""
+    most = ends[0].chi2 + LIMITS.clear * max(ends[0].chi2 / problem.size, 1.0)
+    for each in ends:
+        distances = problem.prior_residuals(each.theta)
+        if each.chi2 < most and np.abs(distances).max() < LIMITS.most_prior_residual:
+            return [each, *(other for other in ends if other is not each)]
+    return ends
 
 
 # ---------------------------------------------------------------------------------------------------- the interval
@@ -264,12 +277,14 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
             Reason.NO_FIT,
         )
     largest = int(np.abs(distances).argmax())
+    low_pass = float(best.theta[FILTER])
+    is_filtered = low_pass > LIMITS.usual_low_pass_ms
     if is_bad or abs(distances[largest]) > LIMITS.most_prior_residual:
         raise Refusal(
             f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest]} "
             f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
             f"SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by "
-            f"{best.theta[FILTER]:.1f} ms); are "
+            f"{low_pass:.1f} ms); {'is the torque filtered, or a mean of some samples? ' * is_filtered}are "
             "the load's data right? are all other axes held still, and is the arm stiff beside the payload (its "
             "first swing, at 6 to 15 Hz, usually refuses a wrist's log)? is there a belt, or an error of the gear?",
             Reason.NO_FIT,

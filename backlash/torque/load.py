@@ -72,9 +72,10 @@ class Comparison(NamedTuple):
     acceleration: ComplexArray  # i omega times the speed
     mid_step: ComplexArray  # the phase of half a step, times the number of steps
     step_s: float
-    # In the middle of each step: e^(i angle) and its slope by the lag [ms], shape (2, steps); the angle's slope by the
-    # lag, acceleration and its slope by the lag.
+    # In the middle of each step: e^(i angle) and its slope by the lag [ms]; the angle's slope by the lag, acceleration
+    # and its slope by the lag.
     direction: ComplexArray
+    direction_by_lag: ComplexArray
     motion: FloatArray
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
 
@@ -100,6 +101,7 @@ def compare(
         waves[k, speed.order] = half_step * motion
     motion = np.fft.irfft(waves, steps) * steps
     motion[0] += TURN / steps * (np.arange(steps) + 0.5)
+    direction = np.exp(1j * motion[0])
     return Comparison(
         order=speed.order[used],
         omega=speed.omega[used],
@@ -110,7 +112,8 @@ def compare(
         acceleration=(1j * speed.omega * speed.coefficient)[used],
         mid_step=half_step[used] * steps,
         step_s=turn_s / steps,
-        direction=np.exp(1j * motion[0]) * np.array([np.ones(steps), 1j * motion[1]]),
+        direction=direction,
+        direction_by_lag=1j * motion[1] * direction,
         motion=motion[1:],
         smoothing=smoothing,
     )
@@ -266,8 +269,8 @@ def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
     """
     _, acceleration, acceleration_by_lag = c.motion
     lag, g = float(theta[LAG]), math.exp(min(theta[GRAVITY], 700.0))  # below infinity
-    turned = lag * c.direction[1]
-    turned += c.direction[0]
+    turned = lag * c.direction_by_lag
+    turned += c.direction
     turned *= cmath.rect(g, theta[PHASE])
     forcing = np.empty((3, turned.size))
     forcing[1], forcing[2] = turned.real, turned.imag

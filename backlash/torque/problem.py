@@ -166,7 +166,7 @@ def prior_chi_squared(theta: FloatArray, prior: Prior) -> float:
 def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:
     """The soft part's share of what gravity winds the joint up beyond the gap, and its slopes by the unknowns."""
     gravity, stiffness, part, e = theta[[GRAVITY, STIFFNESS, SHARE, SOFT]].tolist()
-    spring = 1e3 * math.exp(min(gravity - stiffness, 50.0))
+    spring = 1e3 * math.exp(min(max(gravity - stiffness, -50.0), 50.0))  # trials far from any joint
     soft = (1 - part) * e
     whole = spring + max(soft, 0.0)
     slope, soft_slope = np.zeros(theta.size), spring / whole**2

@@ -70,6 +70,7 @@ class SearchSettings:
     tolerance: float = 1e-3
     last_tolerance: float = 1e-10
     near: float = 20.0  # chi squared beyond the best end's of ends that go on
+    rival: float = 9.0  # and of ends of restarts, three SDs
     most_near: int = 6
     # Many minima lie close together: so descents begin again from just beside the lowest, and from the same joint with
     # usual details.
@@ -131,12 +132,14 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
             break
     # An end that fits nearly as well may lie in the best one's valley: all of these go on to their minimum.
-    most = best.chi2 + s.near * max(best.chi2 / problem.size, 1.0)
+    scale = max(best.chi2 / problem.size, 1.0)
+    most = best.chi2 + s.near * scale
     near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
     near = [descend(problem, each, s.near_tolerance) for each in near or [best]]
     for restart in s.restarts:
-        beside = move(problem, min(near, key=_chi2), restart)
-        near.append(descend(problem, beside, s.near_tolerance, most))
+        lowest = min(near, key=_chi2)
+        beside = move(problem, lowest, restart)
+        near.append(descend(problem, beside, s.near_tolerance, lowest.chi2 + s.rival * scale, near))
     best = descend(problem, min(near, key=_chi2))
     return distinct([best, *near], s.same)
 
@@ -250,13 +253,14 @@ def descend(
     """Least squares by Levenberg's and Marquardt's method; the first step is no longer than a bounce of the teeth.
 
     It ends where a good step lowers chi squared by less than that share, where twenty such steps would stay above a
-    target, or within a first step of an end above which three such steps would stay. A step to where the load has no
-    periodic orbit is taken back.
+    target, or within a first step (a tenth of it, if the tolerance is fine) of an end above which three such steps
+    would stay. A step to where the load has no periodic orbit is taken back.
     """
     here = evaluate(problem, begin.theta, begin.predicted and begin.predicted.start)
     if here.predicted is None:
         return here
     slopes = _differentiate(problem, here)
+    reach = SETTINGS.same if tolerance < SETTINGS.tolerance else 1.0
     damping, growth, trials = 1e-3, 2.0, 0
     # Where two orbits part slopes are not finite.
     while trials < SETTINGS.most_trials and np.isfinite(slopes.normal).all():
@@ -274,9 +278,9 @@ def descend(
         if gain > 0:
             here = there
             is_slow = gain < tolerance * here.chi2 or here.chi2 - 20 * gain > target
-            if (is_slow and gain > 0.25 * expected) or _is_near(
-                here.theta, here.chi2 - 3 * gain, ends
-            ):
+            if is_slow and gain > 0.25 * expected:
+                break
+            if _is_near(here.theta, here.chi2 - 3 * gain, ends, reach):
                 break
             damping, growth = damping * max(1 / 3, 1 - (2 * gain / expected - 1) ** 3), 2.0
             slopes = _differentiate(problem, here)
@@ -287,12 +291,12 @@ def descend(
     return here
 
 
-def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate]) -> bool:
+def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate], reach: float) -> bool:
     lower = [each.theta for each in ends if each.chi2 < chi2]
     if not lower:
         return False
     distance = np.abs((np.array(lower) - theta) / FIRST_STEP).max(axis=1)
-    return bool(distance.min() < 1)
+    return bool(distance.min() < reach)
 
 
 def _find_step(

@@ -22,6 +22,7 @@ from backlash.torque.search import Candidate, Move, distinct, move
 from backlash.torque.unknowns import (
     DELAY,
     DELTA,
+    FILTER,
     FRICTION,
     GRAVITY,
     LOSS,
@@ -37,9 +38,9 @@ from tests.logs import refused_for
 TURN = 2 * np.pi
 
 
-def candidate(delta_mrad, chi2=100.0):
+def candidate(delta_mrad, chi2=100.0, gravity=0.0):
     theta = np.zeros(len(NAMES))
-    theta[[DELTA, SHARE]] = delta_mrad, 0.5
+    theta[[DELTA, SHARE, GRAVITY]] = delta_mrad, 0.5, gravity
     return Candidate(theta, chi2)
 
 
@@ -53,7 +54,7 @@ def decide(monkeypatch):
             "_check_movement": None,
             "refuse_averaged": None,
             "_check_joint": None,
-            "state_problem": SimpleNamespace(size=100),
+            "state_problem": SimpleNamespace(size=100, prior_residuals=lambda theta: theta),
         },
         **{"_quantities": {}, "_model_torque": None},
     }.items():
@@ -104,6 +105,19 @@ def test_minima_that_fit_nearly_as_well_widen_the_interval_until_it_is_no_answer
     assert wider[1] == decide(candidate(1.0))[0].interval_rad[1] > alone[1]
     assert decide(candidate(0.9), candidate(1.9, 108.9)) == Reason.AMBIGUOUS
     assert decide(candidate(0.9), candidate(0.2, 108.9)) == Reason.AMBIGUOUS
+
+
+@pytest.mark.parametrize("chi2", [50.0, 200.0])
+def test_a_joint_is_told_where_one_that_none_can_be_fits_better_but_not_clearly(decide, chi2):
+    clear = 25 * max((chi2) / 100, 1)
+    for gravity, more, expected_mrad in (
+        (3.4, 1.0, 1.1),
+        (3.6, 0.99 * clear, 0.9),
+        (3.6, 1.01 * clear, 1.1),
+    ):
+        lower = candidate(1.1, chi2, gravity)
+        fit, _ = decide(lower, candidate(0.9, chi2 + more))
+        assert fit.delta_rad == pytest.approx(1e-3 * expected_mrad)
 
 
 def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_worse(decide):
@@ -186,7 +200,8 @@ def test_a_movement_is_refused_beyond_its_limits(
         (GRAVITY, 0.349, 143.0, None),
         (GRAVITY, -0.351, 100.0, "ln_gravity -3.5"),
         (LOSS, 0.351, 100.0, "loss .3.5"),
-        (STIFFNESS, 0.0, 144.0, "no joint fits"),
+        (STIFFNESS, 0.0, 144.0, r"ms\); are the load's data right"),
+        (FILTER, 3.1, 144.0, r"low-passed by 3.1 ms\); is the torque filtered, or a mean"),
         (DELAY, 5.9, 100.0, None),
         (DELAY, 6.0, 100.0, "6 ms too late"),
         (DELAY, -6.0, 100.0, "6 ms too early"),
@@ -196,7 +211,7 @@ def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
     theta, sd = np.zeros(len(NAMES)), np.full(len(NAMES), 0.1)
     theta[place], sd[DELAY] = value, 4.0
     compared = SimpleNamespace(order=np.zeros(50))
-    problem = Problem(compared, Prior(np.zeros(theta.size), sd, sd, 0.5))
+    problem = Problem(compared, Prior(np.zeros(theta.size), sd, sd**-2, sd**-2, 0.5))
     covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
     given = (problem, Candidate(theta, chi2), covariance)
     with refused_for(words):
@@ -207,7 +222,7 @@ def a_prior():
     count = len(NAMES)
     mean, sd = np.arange(1.0, count + 1), 1 + np.arange(1.0 * count)
     mean[SOFT] = 0.0
-    return Problem(None, Prior(mean, sd, 0.1 * sd, most_friction=0.6)), mean + 0.5
+    return Problem(None, Prior(mean, sd, sd**-2, (0.1 * sd) ** -2, most_friction=0.6)), mean + 0.5
 
 
 @pytest.mark.parametrize("friction", [0.2, -0.2, 0.7], ids=["usual", "below zero", "beyond all"])
@@ -226,7 +241,7 @@ def test_a_priors_slopes_are_those_of_its_chi_squared(friction, soft):
     # Without the curvature of the soft part's share, which is none where there is no soft part.
     shares = [wind_up_share(theta + move)[0] - wind_up_share(theta - move)[0] for move in moves]
     slope = np.array(shares) / 2e-6 / 0.2 * (soft > 0)
-    sd = np.where(theta < 0, problem.prior.sd_below_zero, problem.prior.sd)
+    sd = np.where(theta < 0, 0.1 * problem.prior.sd, problem.prior.sd)
     expected = np.diag(1 / sd**2) + np.outer(slope, slope)
     expected[FRICTION, FRICTION] += (friction > 0.6) / 0.05**2
     assert hessian == pytest.approx(expected, rel=1e-6, abs=1e-9)
@@ -259,6 +274,11 @@ def test_a_soft_part_is_a_share_of_what_gravity_winds_up():
     without = theta * (np.arange(theta.size) != SOFT)
     added = prior_chi_squared(theta, problem.prior) - prior_chi_squared(without, problem.prior)
     assert added == pytest.approx(own**2 + (share / 0.2) ** 2)
+    # A descent may try a spring that no number holds.
+    theta[STIFFNESS] = 2000.0
+    assert wind_up_share(theta)[0] == pytest.approx(1.0)
+    theta[SOFT] = 0.0
+    assert wind_up_share(theta)[0] == 0.0
 
 
 def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
