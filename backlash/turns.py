@@ -139,7 +139,11 @@ def dominant_period(recording: Recording, torque: FloatArray) -> float | None:
     tried = (hz > max(2**-_OCTAVES / given, 2 / lasts)) & (hz < 2**_OCTAVES / given)
     best = np.flatnonzero(tried)[amplitude[tried].argmax()]
     least = max(_DOMINATES * own, np.sqrt(2 * _GRAVITYS_SHARE) * torque.std())
-    return float(1 / hz[best]) if amplitude[best] > least else None
+    if amplitude[best] <= least:
+        return None
+    # The top of the parabola through the line's highest values.
+    before, top, after = amplitude[best - 1 : best + 2]
+    return float(1 / (hz[best] + 0.5 * hz[1] * (before - after) / (before - 2 * top + after)))
 
 
 def period_by_energy(recording: Recording, signal: FloatArray) -> float:

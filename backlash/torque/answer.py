@@ -54,7 +54,9 @@ class AnswerLimits:
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
     most_prior_residual: float = 3.5  # right fits of joints stay below
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
-    usual_low_pass_ms: float = 3.0  # of a drive's current; a slower torque may be filtered or a mean
+    usual_low_pass_ms: float = (
+        3.0  # of a drive's current; a slower torque may be filtered or a mean
+    )
     most_change: float = 0.03  # of gravity by turns: a backlash that errs by as much is covered
     # Odd against even turns over gravity, and the times of gravity's line: joints stay below a third of these limits.
     # Another axis of 2 % of gravity at 0.5 or 1.5 times the turn, and a clock that wanders by 3 ms, exceed them.
@@ -63,7 +65,7 @@ class AnswerLimits:
     # Acceleration of a line over gravity's: joints stay below half of it, unless the drive hums; a gear's error of
     # 0.5 mrad a hundred times a turn reaches about as much, if it is sampled at all.
     most_ripple: float = 0.1
-    # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, as the search has it.
+    # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, as in the search.
     clear: float = 25.0
     rival: float = SETTINGS.rival
     negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
@@ -124,8 +126,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 
 
 def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]:
-    """The ends, first the lowest that a joint can be, unless the lowest of all is clearly below it."""
-    most = ends[0].chi2 + LIMITS.clear * max(ends[0].chi2 / problem.size, 1.0)
+    """The ends, first the lowest that a joint can be, if it fits nearly as well as the lowest of all."""
+    most = ends[0].chi2 + LIMITS.rival * max(ends[0].chi2 / problem.size, 1.0)
     for each in ends:
         distances = problem.prior_residuals(each.theta)
         if each.chi2 < most and np.abs(distances).max() < LIMITS.most_prior_residual:

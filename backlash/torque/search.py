@@ -72,13 +72,14 @@ class SearchSettings:
     near: float = 20.0  # chi squared beyond the best end's of ends that go on
     rival: float = 9.0  # and of ends of restarts, three SDs
     most_near: int = 6
-    # Many minima lie close together: so descents begin again from just beside the lowest, and from the same joint with
-    # usual details.
+    # Many minima lie close together, and a soft part beside a stiffer spring winds up as far under gravity: so descents
+    # begin again from beside the lowest, mostly from such joints, with usual details.
     restarts: tuple[Move, ...] = (
-        *(Move(0.25), Move(-0.25), Move(stiffer=0.03), Move(stiffer=-0.03)),
-        *(Move(softer_mrad=0.3, usual=_DETAILS), Move(usual=_TIMES)),
-        *(Move(-2.5, usual=_DETAILS), Move(stiffer=-0.8, usual=_DETAILS)),
-        Move(softer_mrad=0.3, usual=(SHARE,)),
+        Move(softer_mrad=0.5, usual=(SHARE,)),
+        Move(stiffer=0.8, softer_mrad=0.5, usual=(SHARE,)),
+        Move(stiffer=0.3, softer_mrad=0.15, usual=_DETAILS),
+        Move(softer_mrad=0.15, usual=_TIMES),
+        *(Move(stiffer=0.8, usual=_TIMES), Move(-0.5), Move(0.25)),
     )
     near_tolerance: float = 1e-5
     same: float = 0.1  # first steps between two ends of one minimum, and where descents were rough
