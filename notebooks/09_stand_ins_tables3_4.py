@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import bench, characteristic, figures, joint, published
+from replication import characteristic, figures, joint, published, standins
 from workbook import Change
 
 workbook.say_times("09_stand_ins_tables3_4")
@@ -65,7 +65,7 @@ workbook.check_parameters(
     globals(),
     repeats=range(2, 1001),
     drawn_seed=range(0, 10**6),
-    spread=dict.fromkeys(asdict(bench.Spread()), (0, 0.3)),
+    spread=dict.fromkeys(asdict(standins.Spread()), (0, 0.3)),
     benches=range(2, 1001),
     measure_mrad=(1e-3, 0.1),
     robots_each=range(2, 10001),
@@ -112,14 +112,14 @@ workbook.say(
 # each. *Predict:* is a printed error of at most 9 % typical of such benches?
 
 # %%
-drawn_spread = replace(bench.Spread(), **spread)
+drawn_spread = replace(standins.Spread(), **spread)
 with workbook.explain("spread", spread):
-    stand_in = bench.draw_bench(np.random.default_rng(drawn_seed), drawn_spread)
-    table3 = bench.table3(stand_in, deltas, drawn_seed, repeats)
+    stand_in = standins.draw_bench(np.random.default_rng(drawn_seed), drawn_spread)
+    table3 = standins.table3(stand_in, deltas, drawn_seed, repeats)
     rngs = [np.random.default_rng((drawn_seed, k)) for k in range(benches)]
-    others = [bench.draw_bench(rng, drawn_spread) for rng in rngs]
+    others = [standins.draw_bench(rng, drawn_spread) for rng in rngs]
     cases = [(other, delta) for other in others for delta in deltas]
-    population = bench.fit_logs(cases, drawn_seed)
+    population = standins.fit_logs(cases, drawn_seed)
 of_delta = dict(zip(deltas, known["interpolated"], strict=True))
 of_true = population["A_rps"] / population["delta_rad"].map(of_delta)
 population["error_percent"] = 100 * (of_true - 1)
@@ -159,8 +159,8 @@ workbook.show_figure(
 # As many of each kind: kinds, and cases of (bench, backlash).
 def draw_robots(coupling):
     rng = np.random.default_rng(drawn_seed)
-    kinds = list(bench.ROBOTS) * robots_each
-    return kinds, [bench.draw_robot(rng, kind, coupling) for kind in kinds]
+    kinds = list(standins.ROBOTS) * robots_each
+    return kinds, [standins.draw_robot(rng, kind, coupling) for kind in kinds]
 
 
 def rates(table, T):  # f and d at the thresholds T
@@ -177,7 +177,7 @@ def roc(table):  # from no alarm on, at each A that occurs
 robots, curves = {}, {}
 for coupling in couplings:
     kinds, cases = draw_robots(coupling)
-    robots[coupling] = bench.fit_logs(cases, drawn_seed).assign(kind=kinds)
+    robots[coupling] = standins.fit_logs(cases, drawn_seed).assign(kind=kinds)
     curves[coupling] = roc(robots[coupling])
 areas = {k: np.trapezoid(curve["d"], curve["f"]) for k, curve in curves.items()}
 curve = curves[couplings[0]][1:]
@@ -212,7 +212,7 @@ workbook.show_figure(
 
 # %%
 _, cases = draw_robots(couplings[0])
-table4 = bench.table4(cases[:2], drawn_seed, repeats)
+table4 = standins.table4(cases[:2], drawn_seed, repeats)
 table4[
     ["robot", "delta_rad", "mean_A_rps", "sd_A_rps", "printed_mean", "printed_sd"]
 ].round(4)
@@ -232,15 +232,15 @@ workbook.say(
 # later it is $(-1)^k$ times itself. *Predict:* which $k$ look like backlash?
 
 # %%
-quiet = bench.draw_bench(
-    np.random.default_rng(drawn_seed), bench.Spread(ratios=0.0)
+quiet = standins.draw_bench(
+    np.random.default_rng(drawn_seed), standins.Spread(ratios=0.0)
 )
 orders = np.arange(5.0, 12.01, 0.25)  # k
 shaken = []
 for k in orders:
     wave = joint.Wave(k / quiet.joint.N, 0.0, on_load=shaking * quiet.joint.G)
     shaken.append((quiet._replace(joint=quiet.joint._replace(waves=(wave,))), 0.0))
-sweep = bench.fit_logs(shaken, drawn_seed).assign(order=orders)
+sweep = standins.fit_logs(shaken, drawn_seed).assign(order=orders)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 mistaken = sweep["A_rps"] >= best["T"]

@@ -396,7 +396,7 @@ def _printed_and_ours(axis: Axes, rows: pd.DataFrame, of: str) -> None:
 def means_beside(rows: pd.DataFrame) -> Figure:
     """Table 3: printed mean and SD of A, and the known A, beside those of a stand-in.
 
-    `rows` has the columns of `bench.table3`, and names of its rows.
+    `rows` has the columns of `standins.table3`, and names of its rows.
     """
     figure, axis = panel(3.0)
     at = np.arange(len(rows))

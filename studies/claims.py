@@ -14,12 +14,12 @@ from pandas import DataFrame
 from scipy import stats
 
 from replication import figures, published, table2
-from replication.bench import Bench, clean_record, fit_logs, read_encoder
 from replication.characteristic import printed_levels_rad
 from replication.joint import TURN, Joint, change, identified_joint, settled_peak, simulate
 from replication.published import Criteria, Measured
 from replication.records import Recording, add_noise, constant_speed
 from replication.signature import FloatArray, Timing
+from replication.standins import Bench, clean_record, fit_logs, read_encoder
 from replication.table2 import NOTEBOOK, best_fit
 
 FINE_BITS = 40  # of an encoder without steps

@@ -17,7 +17,7 @@ MAY_IMPORT = {
 }
 READ_IN_ORDER = (
     *("files", "published", "signature", "misfit", "cmaes", "joint", "records", "table2"),
-    *("characteristic", "identification", "bench", "figures"),
+    *("characteristic", "identification", "standins", "figures"),
 )
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 import backlash
 import workbook
 from backlash import plots
-from replication import bench, figures, joint
+from replication import figures, joint, standins
 from workbook import Change
 
 workbook.say_times("11_your_own_joint")
@@ -92,7 +92,7 @@ if my_log:
 # *Predict:* what does it look like while the tooth crosses the gap?
 
 # %%
-drawn = bench.draw_bench(np.random.default_rng(bench_seed))
+drawn = standins.draw_bench(np.random.default_rng(bench_seed))
 gravity_nm = drawn.joint.G
 friction_nm = drawn.joint.load_coulomb + friction_share * gravity_nm
 my_joint = drawn.joint._replace(load_coulomb=friction_nm)
@@ -104,7 +104,7 @@ def log_joint(delta_rad, seed, of=my_joint):  # a table as a recorder writes it
     turning = of._replace(start_angle=rng.uniform(0, joint.TURN))
     run = joint.simulate(turning, delta_rad, log_turns * turning.turn_period)
     step = turning.encoder_step
-    read = bench.read_encoder(turning, run.t, run.theta_m, step, "encoder")
+    read = standins.read_encoder(turning, run.t, run.theta_m, step, "encoder")
     speed = read.v + rng.normal(0, drawn.noise_rps, read.v.size)
     noise = rng.normal(0, 0.01 * gravity_nm / of.N, read.v.size)
     torque = run.torque[:-1] + noise

@@ -15,7 +15,7 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 import workbook
-from replication import bench, characteristic, figures, joint, records, table2
+from replication import characteristic, figures, joint, records, standins, table2
 from workbook import Change
 
 workbook.say_times("12_what_a_log_tells")
@@ -137,7 +137,12 @@ workbook.show_figure(
 # %%
 ORDERS = np.arange(2, 40)
 SAMPLES = 200  # in a turn
-UNKNOWNS = ["backlash [mrad]", "phase [rad]", "friction [%]", *bench.VARIED_RATIOS]
+UNKNOWNS = [
+    "backlash [mrad]",
+    "phase [rad]",
+    "friction [%]",
+    *standins.VARIED_RATIOS,
+]
 PRIOR_SD = np.array([0.1, 0.1, 0.1, 0.05, 0.05])  # of the ratios' logarithms
 STEPS = np.array([1e-3, 1e-3, 0.1, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # for the slopes
 LOWEST = np.array([0.02, -np.inf, 0.11, *np.full(5, -np.inf)])
@@ -150,7 +155,7 @@ def measure_harmonics(v):  # eleven turns, and the noise of their mean
 
 @cache  # a phase, and the same joint again, need no new run
 def simulate_harmonics(delta, friction, logarithms, by_encoder):
-    factors = dict(zip(bench.VARIED_RATIOS, np.exp(logarithms), strict=True))
+    factors = dict(zip(standins.VARIED_RATIOS, np.exp(logarithms), strict=True))
     made = joint.change(settled, factors)
     # A drive with an encoder differences its position; this step hardly rounds it.
     step = 1e-9 if by_encoder else 0.0
@@ -222,10 +227,10 @@ def backlash_of(fit):  # and its SD [mrad]
 
 # %%
 def fit_bench(seed):
-    drawn = bench.draw_bench(np.random.default_rng(seed))
+    drawn = standins.draw_bench(np.random.default_rng(seed))
     changed = joint.change(drawn.joint, {"K_p/J_m": gain_factor})
     drawn, noise = drawn._replace(joint=changed), np.random.default_rng((seed, 0))
-    log = bench.encoder_log(drawn, 1e-3 * backlash_mrad, noise)
+    log = standins.encoder_log(drawn, 1e-3 * backlash_mrad, noise)
     return fit_joint(log.v, by_encoder=True)
 
 

@@ -87,7 +87,7 @@ def run_notebook(monkeypatch, on_simulated_records):
 # What takes long, and a change seldom touches.
 COMPUTED_ONCE = {
     "backlash": ["estimate"],
-    "replication.bench": ["fit_logs", "table3", "table4"],
+    "replication.standins": ["fit_logs", "table3", "table4"],
     "replication.evidence": ["make_multiverse"],
     "replication.identification": ["identify_joint"],
     "replication.joint": ["simulate"],

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 
 from replication import identification, published
-from replication.bench import clean_record
 from replication.identification import (
     errors_in_turn,
     identify_joint,
@@ -18,6 +17,7 @@ from replication.identification import (
 )
 from replication.joint import change, identified_joint, ratios, settled_peak, simulate
 from replication.records import CLEAN_LEVELS, load_clean_records
+from replication.standins import clean_record
 from replication.table2 import theoretical_amplitudes
 
 JOINT = identified_joint()

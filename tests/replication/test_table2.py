@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import bench, table2
+from replication import standins, table2
 from replication.files import write_kept
 from replication.records import Recording, add_noise, constant_speed
 from replication.signature import Box, Parameters, h, rmse
@@ -55,7 +55,7 @@ def test_records_fitted_with_one_seed_are_fitted_as_each_alone():
 )
 def test_the_best_fit_of_a_bench_log_is_not_the_same_oscillation_half_a_period_off(seed, least_rps):
     rng = np.random.default_rng(seed)
-    record = bench.encoder_log(bench.draw_bench(rng), 1e-3, rng)
+    record = standins.encoder_log(standins.draw_bench(rng), 1e-3, rng)
     assert table2.best_fit(record).rmse == pytest.approx(least_rps, rel=1e-4)
 
 

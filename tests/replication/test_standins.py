@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import bench
+from replication import standins
 from replication.files import ROOT
 from replication.joint import TURN, Wave, change, identified_joint, simulate
 
@@ -15,11 +15,11 @@ JOINT = identified_joint()
 def test_tables_3_and_4_are_made_as_they_are_kept_but_for_the_number_of_runs():
     """All spreads are assumptions; a log's SD shows them."""
     rng = np.random.default_rng(1)
-    robots = [bench.draw_robot(rng, kind) for kind in bench.ROBOTS]
-    logs = [bench.encoder_log(*robot, np.random.default_rng(1)) for robot in robots]
+    robots = [standins.draw_robot(rng, kind) for kind in standins.ROBOTS]
+    logs = [standins.encoder_log(*robot, np.random.default_rng(1)) for robot in robots]
     np.testing.assert_allclose([log.v.std() for log in logs], [0.07528228, 0.12125027], rtol=1e-5)
-    stand_in = bench.draw_bench(np.random.default_rng(1))
-    tables = bench.table3(stand_in, [9e-4, 10e-4, 11e-4], 1, 2), bench.table4(robots, 1, 2)
+    stand_in = standins.draw_bench(np.random.default_rng(1))
+    tables = standins.table3(stand_in, [9e-4, 10e-4, 11e-4], 1, 2), standins.table4(robots, 1, 2)
     for number, made in zip((3, 4), tables, strict=True):
         kept = pd.read_csv(ROOT / "results" / f"table{number}.csv")
         assert list(made) == list(kept)
@@ -30,7 +30,7 @@ def test_tables_3_and_4_are_made_as_they_are_kept_but_for_the_number_of_runs():
 
 
 def test_a_clean_record_is_the_motors_true_speed():
-    record = bench.clean_record(JOINT, DELTA, turns=2)
+    record = standins.clean_record(JOINT, DELTA, turns=2)
     run = simulate(JOINT, DELTA, 0.8)
     np.testing.assert_allclose(record.v, run.v, atol=1e-5)
     np.testing.assert_allclose(record.t, run.t, rtol=1e-12)
@@ -39,12 +39,12 @@ def test_a_clean_record_is_the_motors_true_speed():
 
 def test_a_log_is_its_encoders_position_rounded_down_and_differenced_with_noise():
     t = 0.01 * np.arange(4)
-    log = bench.read_encoder(JOINT, t, np.array([0.29, 0.51, 0.99, 2.0]) * TURN, TURN / 10, "")
+    log = standins.read_encoder(JOINT, t, np.array([0.29, 0.51, 0.99, 2.0]) * TURN, TURN / 10, "")
     np.testing.assert_allclose(log.v, np.array([0.3, 0.4, 1.1]) / 0.01)
     np.testing.assert_array_equal(log.t, t[:-1])
     assert (log.commanded_speed_rps, log.turn_period_s) == pytest.approx((100, 0.4))
     quiet, loud = (
-        bench.encoder_log(bench.Bench(JOINT, sd), DELTA, np.random.default_rng(2))
+        standins.encoder_log(standins.Bench(JOINT, sd), DELTA, np.random.default_rng(2))
         for sd in (0.0, 0.1)
     )
     np.testing.assert_allclose(quiet.t, 2e-3 * np.arange(2400), atol=1e-9)
@@ -54,7 +54,7 @@ def test_a_log_is_its_encoders_position_rounded_down_and_differenced_with_noise(
 def test_an_eccentric_gear_moves_the_load_and_no_momentum_comes_from_it():
     error, order, phase = 1e-4, 0.2, 0.3
     free = JOINT._replace(G=0.0, K_pos=0.0, K_p=0.0, K_i=0.0, K_d=0.0, K_w=0.0)
-    j = free._replace(waves=(bench.transmission_error(free, order, phase, error),))
+    j = free._replace(waves=(standins.transmission_error(free, order, phase, error),))
     run = simulate(j, DELTA, 0.5, 1e-3)
     # The simulated load's position is the true one plus the error.
     moved = error * order * j.Omega * np.cos(order * j.Omega * run.t + phase)
@@ -65,7 +65,7 @@ def test_an_eccentric_gear_moves_the_load_and_no_momentum_comes_from_it():
 
 def test_friction_on_the_load_takes_amplitude_away_and_the_turns_used_begin_with_an_impact():
     rubbing = (JOINT._replace(load_coulomb=share * JOINT.G) for share in (0.0, 0.05))
-    logs = bench.fit_logs([(bench.Bench(each, 0.0), DELTA) for each in rubbing], 1)
+    logs = standins.fit_logs([(standins.Bench(each, 0.0), DELTA) for each in rubbing], 1)
     assert logs["A_rps"][1] < 0.8 * logs["A_rps"][0]
     np.testing.assert_allclose(logs["turns_used"], [11.975, 11.79], atol=0.02)
 
@@ -77,5 +77,7 @@ def test_a_torque_at_an_odd_harmonic_of_the_turn_looks_like_backlash():
         joint._replace(waves=(Wave(frequency / 100, 0.0, on_load=0.05 * joint.G),))
         for frequency in (22.5, 20.0)
     )
-    odd, even = bench.fit_logs([(bench.Bench(each, 0.02), 0.0) for each in shaken], 1)["A_rps"]
+    odd, even = standins.fit_logs([(standins.Bench(each, 0.02), 0.0) for each in shaken], 1)[
+        "A_rps"
+    ]
     assert odd > 2.5 * even
