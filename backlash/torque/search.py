@@ -37,6 +37,7 @@ class Move(NamedTuple):
     steps: float = 0.0  # of 6 % of the backlash and 0.02 mrad
     stiffer: float = 0.0  # of ln K
     softer_mrad: float = 0.0  # of the soft part, with which another minimum comes
+    low_passed_ms: float = 0.0  # of the torque's log, as many drives'
     usual: tuple[int, ...] = ()  # unknowns that become what is known beforehand
 
 
@@ -79,7 +80,7 @@ class SearchSettings:
         Move(stiffer=0.8, softer_mrad=0.5, usual=(SHARE,)),
         Move(stiffer=0.3, softer_mrad=0.15, usual=_DETAILS),
         Move(softer_mrad=0.15, usual=_TIMES),
-        *(Move(stiffer=0.8, usual=_TIMES), Move(-0.5), Move(0.25)),
+        *(Move(stiffer=0.8, usual=_TIMES), Move(-0.5), Move(low_passed_ms=5.0, usual=_DETAILS)),
     )
     near_tolerance: float = 1e-5
     same: float = 0.1  # first steps between two ends of one minimum, and where descents were rough
@@ -214,6 +215,7 @@ def move(problem: Problem, candidate: Candidate, beside: Move) -> Candidate:
     theta[DELTA] -= (1 - theta[SHARE]) * (theta[SOFT] - candidate.theta[SOFT])
     theta[DELTA] += beside.steps * (0.06 * abs(theta[DELTA]) + 0.02)
     theta[STIFFNESS] += beside.stiffer
+    theta[FILTER] += beside.low_passed_ms
     return candidate._replace(theta=theta)
 
 

@@ -334,6 +334,7 @@ def test_candidates_beside_another_and_those_that_are_the_same():
     assert (moved[STIFFNESS], moved[SOFT], moved[DELAY]) == (0.15, 0, 0)
     soft = move(problem, candidate(0.5), Move(softer_mrad=0.3, usual=(DELAY,)))
     assert tuple(soft.theta[[DELTA, SOFT, DELAY]]) == pytest.approx((0.35, 0.3, 7.0))
+    assert move(problem, soft, Move(low_passed_ms=5.0)).theta[FILTER] == 5.0
     again = move(problem, soft, Move(usual=(SOFT,))).theta
     assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
     near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
