@@ -181,9 +181,10 @@ def _root_cause(error: BaseException) -> str:
     return text.rpartition(">: ")[2] or type(error).__name__
 
 
-def read_worksheet(workbook: Path | io.BytesIO) -> FloatArray:
+@cache  # of a whole file's bytes, so of a file that is verified
+def _read_worksheet(workbook: bytes) -> FloatArray:
     """Numbers of the first sheet of an XLSX file that holds numbers alone; shape (rows, columns)."""
-    with zipfile.ZipFile(workbook) as parts:
+    with zipfile.ZipFile(io.BytesIO(workbook)) as parts:
         sheet = ElementTree.fromstring(parts.read("xl/worksheets/sheet1.xml"))
     rows = [
         [float(value.text or "nan") for value in row.iterfind("{*}c/{*}v")]
@@ -192,8 +193,8 @@ def read_worksheet(workbook: Path | io.BytesIO) -> FloatArray:
     return np.array([row for row in rows if row])
 
 
-def _authors_recording(workbook: Path | io.BytesIO, source: str) -> Recording:
-    table = read_worksheet(workbook)
+def _authors_recording(workbook: bytes, source: str) -> Recording:
+    table = _read_worksheet(workbook)
     repeated = int(table[1, 0] == table[0, 0])  # of R = 1, K = 1: its first row is no sample
     t, v = table[repeated:].T.copy()
     return Recording(t, v, COMMANDED_SPEED_RPS, TURN_PERIOD_S, source)
@@ -211,7 +212,7 @@ def load_clean(level: int) -> Recording:
     if level not in CLEAN_LEVELS:
         raise ValueError(f"no clean record K = {level} is public: K is 3 to 13")
     path = f"Speeddata{level}.xlsx"
-    return _authors_recording(authors_file(path), path)
+    return _authors_recording(authors_file(path).read_bytes(), path)
 
 
 def load_clean_records(levels: Iterable[int]) -> dict[float, Recording]:
@@ -232,5 +233,5 @@ def load_noisy(level: int, realisation: int) -> Recording:
     with zipfile.ZipFile(authors_file(path)) as archive:
         member = rf"(.*/)?SpeeddataNoise{level}(_\d+)?\.xlsx"
         (name,) = (each for each in archive.namelist() if re.fullmatch(member, each))
-        content = io.BytesIO(archive.read(name))
+        content = archive.read(name)
     return _authors_recording(content, f"{path}!{name}")
