@@ -11,6 +11,7 @@ or the start, it is ranked among the whole tables. If the printed table is one o
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -129,10 +130,15 @@ SCORES_OF_SDS = {
 }
 
 
+@cache
+def _draw_tables(rows: int, tables: int) -> NDArray[np.int64]:
+    """Of `DRAWS` recombined tables, which table each row is taken from."""
+    return np.random.default_rng(1).integers(tables, size=(rows, DRAWS))
+
+
 def recombine(rows: Floats, combine: Callable[..., Floats]) -> Floats:
     """Score `DRAWS` tables that are put together of rows drawn independently; their scores have shape (rows, N)."""
-    chosen = np.random.default_rng(1).integers(rows.shape[1], size=(len(rows), DRAWS))
-    return combine(np.take_along_axis(rows, chosen, axis=1), axis=0)
+    return combine(np.take_along_axis(rows, _draw_tables(*rows.shape), axis=1), axis=0)
 
 
 def p_values(score: Score, numbers: Floats, by_rows: bool) -> Floats:

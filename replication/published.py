@@ -25,7 +25,8 @@ _INDEX = {"cells": "id", "claims": "id", "errata": "id"}
 @cache
 def _kept(name: str) -> pd.DataFrame:
     def parse(text: str) -> pd.DataFrame:
-        return pd.read_csv(io.StringIO(text), keep_default_na=False, index_col=_INDEX.get(name))
+        table = pd.read_csv(io.StringIO(text), keep_default_na=False, index_col=_INDEX.get(name))
+        return table.copy()  # in few blocks, which are quicker to copy
 
     return read_committed(DATA / f"{name}.csv", parse)
 

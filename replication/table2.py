@@ -439,11 +439,12 @@ def make_realisations(path: Path = REALISATIONS, number: int = 40) -> None:
             else pd.DataFrame(columns=["protocol", "realisation", "row"])
         )
         made = table[table["realisation"] == realisation]
+        there = {*zip(made["protocol"], made["row"], strict=True)}
         plan = [
             (settings, row, realisation)
             for settings in (*SETTINGS, *DRAWN_STARTS)
             for row in ((*ROWS, NOISE_ROW) if settings in SETTINGS and realisation <= 10 else ROWS)
-            if not ((made["protocol"] == settings.protocol) & (made["row"] == row)).any()
+            if (settings.protocol, row) not in there
         ]
         rows = Parallel(n_jobs=-1)(delayed(realise)(*arguments) for arguments in plan)
         new = pd.DataFrame(rows)

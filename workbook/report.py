@@ -6,6 +6,7 @@ import re
 from collections import ChainMap
 from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -223,6 +224,11 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
 
 def load_template() -> jinja2.Template:
     """Load the report's template, which refuses to write what is not there."""
+    return read_committed(TEMPLATE, _parse_template)
+
+
+@cache
+def _parse_template(text: str) -> jinja2.Template:
     pages = jinja2.Environment(
         trim_blocks=True,
         lstrip_blocks=True,
@@ -230,14 +236,10 @@ def load_template() -> jinja2.Template:
         finalize=_refuse_absent,
     )
     pages.filters.update(typeset=typeset, span=span, p=write_p, rejections=write_rejections)
-
-    def parse(text: str) -> jinja2.Template:
-        template = pages.from_string(text)
-        if "status" not in template.blocks:
-            raise ValueError("the README's block, status, is gone")
-        return template
-
-    return read_committed(TEMPLATE, parse)
+    template = pages.from_string(text)
+    if "status" not in template.blocks:
+        raise ValueError("the README's block, status, is gone")
+    return template
 
 
 def _refuse_absent(value: object) -> object:
