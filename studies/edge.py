@@ -26,8 +26,8 @@ def refit_alphas(softest: float = ALPHAS[-1]) -> pd.DataFrame:
     last = identified_joint()
     rows = []
     for alpha in ALPHAS[: ALPHAS.index(softest) + 1]:
-        # With a soft edge the misfit has several minima: two starts, the better fit counts.
-        starts = [joint._replace(alpha=alpha) for joint in (identified_joint(), last)]
+        # With a soft edge the misfit has several minima: two starts, at first the same, the better fit counts.
+        starts = [*dict.fromkeys(each._replace(alpha=alpha) for each in (identified_joint(), last))]
         fit = min((identify_joint(records, start) for start in starts), key=attrgetter("nrmse"))
         last = fit.joint
         errors = np.concatenate(errors_in_turn(starts[0], records, 3))
