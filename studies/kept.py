@@ -1,7 +1,7 @@
 """The tables that `make all` does not make, each with the command that makes it; a row of one made again.
 
-`python -m studies.kept TABLE POSITION...` makes rows again, under the settings that the studies run under, and prints
-them as the table has them: behaviour decides whether a kept table is still what today's code makes.
+`python -m studies.kept TABLE:POSITION,POSITION... TABLE:...` makes rows again, under the settings that the studies run
+under, and prints them as the table has them: behaviour decides whether a kept table is still what today's code makes.
 """
 
 import os
@@ -109,4 +109,6 @@ def remake(name: str, positions: list[int]) -> bytes:
 
 if __name__ == "__main__":
     os.environ |= pinned_environment()
-    sys.stdout.buffer.write(remake(sys.argv[1], [*map(int, sys.argv[2:])]))
+    for argument in sys.argv[1:]:
+        name, _, positions = argument.partition(":")
+        sys.stdout.buffer.write(remake(name, [*map(int, positions.split(","))]))

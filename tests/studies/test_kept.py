@@ -1,5 +1,6 @@
 """The kept tables are what today's code makes: rows of each are made again, to the digit."""
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -16,34 +17,43 @@ from workbook.sources import listed_exports, notebook_sources
 
 RESULTS = ROOT / "results"
 # The first needs a library, the second ten seconds; the others need files.
-MARKS = {"engine": pytest.mark.slow, "table2_prediction": pytest.mark.slow}
-TABLES = [pytest.param(name, marks=MARKS.get(name, pytest.mark.data)) for name in KEPT]
+SLOW = ("engine", "table2_prediction")
+OTHERS = [name for name in KEPT if name not in SLOW]
+ALONE = [pytest.param([name], marks=pytest.mark.slow, id=name) for name in SLOW]
+TOGETHER = pytest.param(OTHERS, marks=pytest.mark.data, id="others")
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}
 OF_REPORT = {"verdicts", "claims"}
 
 
-def made_again(name, positions):
-    """Rows of a kept table, and the same made again, as text."""
-    head, *kept = (RESULTS / f"{name}.csv").read_text("utf-8").splitlines()
-    command = [sys.executable, "-m", "studies.kept", name, *map(str, positions)]
+def check(rows):
+    """Compare rows of kept tables, as text, with the same made again, all in one process, which takes long to start."""
+    kept = []
+    for name, positions in rows.items():
+        head, *lines = (RESULTS / f"{name}.csv").read_text("utf-8").splitlines()
+        kept += [head, *(lines[position] for position in positions)]
+    arguments = [f"{name}:{','.join(map(str, positions))}" for name, positions in rows.items()]
+    command = [sys.executable, "-m", "studies.kept", *arguments]
     made = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
-    return [head, *(kept[position] for position in positions)], made.stdout.splitlines()
+    again = " and ".join({KEPT[name].command for name in rows})
+    assert made.stdout.splitlines() == kept, f"{again} makes the table again"
 
 
-def check(name, positions):
-    kept, made = made_again(name, positions)
-    assert made == kept, f"{KEPT[name].command} makes results/{name}.csv again"
-
-
-@pytest.fixture
-def needed(name):
-    """Skip where the files or the library that a table's rows are made from are not there."""
-    folder = FOLDERS.get(name, "BACKLASH_DATA")
+def find_lacking(name):
+    """Say what a table's rows are made from and is not there; "" if nothing."""
     if name == "engine":
-        pytest.importorskip("mujoco")
-    elif not Path(os.environ.get(folder, "nowhere")).is_dir():
-        pytest.skip(f"needs the folder {folder}")
+        return "" if importlib.util.find_spec("mujoco") else "needs mujoco"
+    folder = FOLDERS.get(name, "BACKLASH_DATA")
+    return "" if Path(os.environ.get(folder, "nowhere")).is_dir() else f"needs the folder {folder}"
+
+
+def check_or_skip(rows):
+    """Check the tables whose rows can be made here; skip where that is none."""
+    lacking = {name: find_lacking(name) for name in rows}
+    there = {name: rows[name] for name in rows if not lacking[name]}
+    if not there:
+        pytest.skip(", ".join(sorted({*lacking.values()})))
+    check(there)
 
 
 def test_every_table_is_made_by_a_notebook_or_the_report_or_kept():
@@ -88,13 +98,13 @@ def test_where_nothing_says_how_a_kept_table_was_written_it_is_refused(text, tmp
         check_kept(tmp_path / "one.csv")
 
 
-@pytest.mark.parametrize("name", TABLES)
-def test_a_row_of_a_kept_table_made_again_is_the_kept_one(name, needed):
-    check(name, [KEPT[name].first])
+@pytest.mark.parametrize("names", [*ALONE, TOGETHER])
+def test_a_row_of_a_kept_table_made_again_is_the_kept_one(names):
+    check_or_skip({name: [KEPT[name].first] for name in names})
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", TABLES)
-def test_ten_other_rows_of_a_kept_table_made_again_are_the_kept_ones(name, needed):
+@pytest.mark.parametrize("name", KEPT)
+def test_ten_other_rows_of_a_kept_table_made_again_are_the_kept_ones(name):
     rows = len((RESULTS / f"{name}.csv").read_text("utf-8").splitlines()) - 1
-    check(name, [*np.unique(np.linspace(0, rows - 1, 11).astype(int))])
+    check_or_skip({name: [*np.unique(np.linspace(0, rows - 1, 11).astype(int))]})
