@@ -162,39 +162,61 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     assert pictures[0] == pictures[1]
 
 
-@pytest.mark.parametrize(
-    ("variables", "file", "says"),
-    [
-        ({"NUMBA_NUM_THREADS": "0"}, "", "must be > 0"),
-        ({"NUMBA_NUM_THREADS": "two"}, "", "'two' could not be parsed"),
-        ({}, "num_threads: [1\n - x: : {", "flow sequence"),
-    ],
-)
-def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(
-    tmp_path, variables, file, says
-):
-    (tmp_path / ".numba_config.yaml").write_text(file or "{}")
-    log = write(noisy(), tmp_path / "log.csv")
+SETTINGS = {
+    "no threads": ({"NUMBA_NUM_THREADS": "0"}, "", "must be > 0"),
+    "no number": ({"NUMBA_NUM_THREADS": "two"}, "", "'two' could not be parsed"),
+    "no YAML": ({}, "num_threads: [1\n - x: : {", "flow sequence"),
+}
+COMPILE = """
+import sys
+from replication import njit
+from replication.files import UserError
+try:
+    njit(abs)
+except UserError as error:
+    sys.exit(str(error))
+"""
+
+
+def assert_numba_is_named(folder, setting, arguments):
+    """Start Python under a setting of numba's, in a folder, and look for one line that names it."""
+    variables, file, says = SETTINGS[setting]
+    (folder / ".numba_config.yaml").write_text(file or "{}")
     ended = subprocess.run(
-        [sys.executable, "-m", "backlash", "estimate", log, "--turn-period", "0.4"],
-        cwd=tmp_path,
+        [sys.executable, *arguments],
+        cwd=folder,
         env=os.environ | variables | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
     )
-    assert ended.returncode == 2
+    assert ended.returncode
     assert ended.stderr.count("\n") == 1
     assert says in ended.stderr
     assert "NUMBA_" in ended.stderr
+    return ended
+
+
+@pytest.mark.parametrize("setting", SETTINGS)
+def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(tmp_path, setting):
+    assert_numba_is_named(tmp_path, setting, ["-c", COMPILE])
+
+
+def test_a_command_that_numba_does_not_start_for_ends_in_one_line(tmp_path):
+    log = write(noisy(), tmp_path / "log.csv")
+    words = ["-m", "backlash", "estimate", log, "--turn-period", "0.4"]
+    assert assert_numba_is_named(tmp_path, "no number", words).returncode == 2
 
 
 ASK = """
-import os
+import os, sys
+from types import SimpleNamespace
 before = dict(os.environ)
 from backlash.cli import main
 assert os.environ == before, "an import sets nothing"
-main(["estimate", "no-such-log.csv"])
-print({name: os.environ.get(name) for name in NAMES})
+assert "numpy" not in sys.modules, "which reads them when it is imported"
+tell = lambda options: print({name: os.environ.get(name) for name in NAMES})
+sys.modules["backlash.cli.estimate_logs"] = SimpleNamespace(run=tell)  # what computes
+main(["estimate", "log.csv"])
 """
 
 
@@ -207,7 +229,7 @@ def test_the_command_computes_alike_on_every_processor_unless_a_kernel_is_chosen
         asked, cwd=ROOT, env=environment | chosen, capture_output=True, text=True, check=True
     )
     expected = dict.fromkeys(pinned) | chosen if chosen else pinned
-    assert ast.literal_eval(ended.stdout.splitlines()[-1]) == expected
+    assert ast.literal_eval(ended.stdout) == expected
 
 
 def test_a_processor_without_avx2_gets_no_code_for_it(monkeypatch):
