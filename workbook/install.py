@@ -140,7 +140,7 @@ def make_environment() -> None:
     (VENV / "all.lock").write_text(other)
     print("The locked versions are being installed into .venv", flush=True)
     if not shutil.which("uv"):
-        run([*pip(), "--requirement", str(VENV / "uv.lock")], environment())
+        run_pip(VENV / "uv.lock")
 
 
 def split_lock(text: str) -> tuple[str, str]:
@@ -159,27 +159,23 @@ def install(what: Sequence[str]) -> None:
         command += ["--python", PYTHON, "--require-hashes", "--constraint", str(LOCK), *what]
         if run(command, environment() | path):
             return
-    run([*pip(), "--requirement", str(VENV / "all.lock")], environment()) or sys.exit(2)
+    run_pip(VENV / "all.lock") or sys.exit(2)
 
 
-def pip() -> list[str]:
-    """The command that installs by pip, whatever the user's files say."""
-    return [PYTHON, "-I", "-m", "pip", "install", "--quiet", "--no-user", "--require-hashes"]
+def run_pip(lock: Path) -> bool:
+    """Whether pip installs what a lock has, whatever else the user's files say."""
+    command = [PYTHON, "-I", "-m", "pip", "install", "--quiet", "--no-user", "--require-hashes"]
+    return run([*command, "--requirement", str(lock)], environment() | pip_settings())
 
 
 def environment() -> dict[str, str]:
-    """The user's variables, less the settings of Python, pip and uv that say anything but where packages come from."""
-    kept = {
+    """The user's variables, less those of Python and pip, and of uv that say anything but where packages come from."""
+    return {
         name: value
         for name, value in os.environ.items()
         if not name.startswith(("PIP_", "UV_", "PYTHON", "VIRTUAL_ENV", "CONDA_"))
         or (name.startswith("UV_") and _option(name, "UV_") in UV_SETTINGS)
     }
-    return (
-        kept
-        | pip_settings()
-        | {"PIP_CONFIG_FILE": os.devnull, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
-    )
 
 
 def _option(variable: str, prefix: str) -> str:
@@ -187,20 +183,19 @@ def _option(variable: str, prefix: str) -> str:
 
 
 def pip_settings() -> dict[str, str]:
-    """The user's settings of pip that are kept, as variables, whichever file they stand in."""
-    if not Path(PYTHON).exists():
-        return {}
+    """The user's settings of pip that are kept, as variables, whichever file they stand in; files are read no more."""
     listed = subprocess.run([PYTHON, "-m", "pip", "config", "list"], capture_output=True, text=True)
     if listed.returncode:
         sys.exit(f"pip's settings cannot be read: {' '.join(listed.stderr.splitlines()[-4:])}")
     settings = []
     for section in ("global", "install", ":env:"):  # the last one counts
         settings += re.findall(rf"^{section}\.([a-z-]+)='(.*)'$", listed.stdout, re.MULTILINE)
-    return {
+    kept = {
         f"PIP_{name.upper().replace('-', '_')}": value.replace("\\n", " ").strip()
         for name, value in settings
         if name in PIP_SETTINGS
     }
+    return kept | {"PIP_CONFIG_FILE": os.devnull, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
 
 
 def uv_settings() -> str:

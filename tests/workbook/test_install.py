@@ -50,7 +50,7 @@ def test_of_pips_settings_only_where_packages_come_from_is_kept(folder, monkeypa
     settings |= {"VIRTUAL_ENV": "/elsewhere", "PYTHONUSERBASE": "/elsewhere"}
     for name, value in settings.items():
         monkeypatch.setenv(name, value)
-    variables = install.environment()
+    variables = install.environment() | install.pip_settings()
     assert "/elsewhere" not in variables.values()
     kept = {"PIP_INDEX_URL": "https://index.example/simple", "PIP_CERT": "/certificates.pem"}
     kept |= {"PIP_PROXY": "http://proxy.example:3128", "PIP_CONFIG_FILE": os.devnull}
@@ -82,7 +82,7 @@ def test_a_settings_file_that_cannot_be_read_ends_it_in_one_line(folder, monkeyp
     (folder / "torn").write_text("[global\n")
     monkeypatch.setenv("PIP_CONFIG_FILE", str(folder / "torn"))
     monkeypatch.setenv("UV_CONFIG_FILE", str(folder / "torn"))
-    for read in (install.environment, install.uv_settings):
+    for read in (install.pip_settings, install.uv_settings):
         with pytest.raises(SystemExit, match="torn") as ended:
             read()
         assert "\n" not in str(ended.value)
