@@ -180,7 +180,7 @@ Path(os.environ["REPLICATION_OUT"], "figures", "one.svg").touch()
     ("text", "says"),
     [
         (UNNAMED, "figures/one.svg: made, and named in no call"),
-        ('# %%\nimport workbook\nif False: workbook.show_figure("one", 1, "")\n', "not made"),
+        ('# %%\nif False: workbook.show_figure("one", 1, "")\n', "not made"),
     ],
 )
 def test_a_run_that_makes_other_files_than_its_source_names_fails(project, text, says):
@@ -190,8 +190,18 @@ def test_a_run_that_makes_other_files_than_its_source_names_fails(project, text,
     assert made_in(folder) == {}
 
 
+LEAVES_AN_OUTCOME = """# %%
+import os
+from pathlib import Path
+outcomes = Path(os.environ["REPLICATION_OUT"], "results", "outcomes")
+outcomes.mkdir(parents=True)
+(outcomes / "small.json").write_text("{}")
+if False: workbook.verdict("Thirty.", cells={})
+"""
+
+
 def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
-    folder = project(small=GOOD)
+    folder = project(small=LEAVES_AN_OUTCOME)
     (folder / "results").mkdir()
     (folder / "results" / "outcomes").touch()  # no folder
     before = made_in(folder)

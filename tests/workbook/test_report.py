@@ -18,8 +18,13 @@ README = (ROOT / "README.md").read_text("utf-8")
 
 
 @pytest.fixture(scope="module")
-def facts():
-    return report.describe(judging.verdicts(RESULTS), judging.claims(RESULTS), RESULTS)
+def judged():
+    return {"verdicts": judging.verdicts(RESULTS), "claims": judging.claims(RESULTS)}
+
+
+@pytest.fixture(scope="module")
+def facts(judged):
+    return report.describe(**judged, results=RESULTS)
 
 
 def render(facts, **changed):
@@ -62,7 +67,11 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_kept_table_is_one_line_and_nothing_is_written(damage, tmp_path, monkeypatch):
+def test_a_damaged_kept_table_is_one_line_and_nothing_is_written(
+    damage, tmp_path, monkeypatch, judged
+):
+    for name in judged:
+        monkeypatch.setattr(judging, name, lambda results, name=name: judged[name])
     results = shutil.copytree(RESULTS, tmp_path / "results")
     monkeypatch.setattr(outcomes, "RESULTS", results)
     written = Mock()
@@ -111,9 +120,9 @@ def test_every_link_of_report_and_readme_leads_to_a_file():
             assert target.startswith("http") or (folder / target).exists(), target
 
 
-def test_make_check_prints_every_number_and_notices_a_new_difference():
-    verdicts = judging.verdicts(RESULTS)
-    printed = report.list_verdicts(verdicts, judging.claims(RESULTS))
+def test_make_check_prints_every_number_and_notices_a_new_difference(judged):
+    verdicts = judged["verdicts"].copy()
+    printed = report.list_verdicts(verdicts, judged["claims"])
     assert all(cell in printed for cell in published.cells().index)
     assert report.find_surprises(verdicts) == []
     verdicts.loc[verdicts["id"] == "table2.row03.mean", "agreement"] = "differs"
@@ -140,16 +149,16 @@ def test_the_sentences_on_errors_are_what_was_measured(facts):
     assert "the printed ones are; 7 % of our 9 tables" in said
 
 
-def test_a_number_that_agrees_weakly_is_counted_apart(facts):
-    verdicts = judging.verdicts(RESULTS)
+def test_a_number_that_agrees_weakly_is_counted_apart(facts, judged):
+    verdicts = judged["verdicts"].copy()
     verdicts.loc[verdicts["id"] == "table2.row05.mean", "weak"] = "yes"
-    weaker = report.describe(verdicts, judging.claims(RESULTS), RESULTS)
+    weaker = report.describe(verdicts, judged["claims"], RESULTS)
     assert weaker["strong"] == facts["strong"] - 1
     assert f"{weaker['strong']} agree by our own computation" in render(weaker)
 
 
-def test_the_theoretical_amplitudes_that_move_move_the_sentence_on_their_bias(facts):
-    cells = report.describe_cells(judging.verdicts(RESULTS))
+def test_the_theoretical_amplitudes_that_move_move_the_sentence_on_their_bias(facts, judged):
+    cells = report.describe_cells(judged["verdicts"])
     assert report.describe_theoretical(cells)["mean"] == pytest.approx(-0.14, abs=0.02)
     moved = cells.assign(reproduced=1.01 * cells["reproduced"])
     assert report.describe_theoretical(moved)["mean"] == pytest.approx(0.86, abs=0.02)
