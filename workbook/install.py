@@ -47,7 +47,7 @@ exec "$(dirname -- "$(readlink -f -- "$0")")/python" -m backlash "$@"
 # Prints what is missing, or there in another version, of what is asked for and of all that this needs.
 CHECK = """
 import importlib, json, sys
-from importlib.metadata import PackageNotFoundError, distribution, packages_distributions
+from importlib.metadata import PackageNotFoundError, distribution
 from pip._vendor.packaging.requirements import Requirement
 from pip._vendor.packaging.utils import canonicalize_name as canonical
 asked, lock = map(json.loads, sys.argv[1:])
@@ -69,9 +69,11 @@ while todo:
     extras = [{"extra": each} for each in ("", *need.extras)]
     needs = map(Requirement, there.requires or [])
     todo += [each for each in needs if not each.marker or any(map(each.marker.evaluate, extras))]
-wanted = {canonical(Requirement(each).name) for each in asked}
-for module, owners in packages_distributions().items():
-    if module.isidentifier() and module[0] != "_" and "__" not in module and wanted & {*map(canonical, owners)}:
+files = [file for each in asked for file in distribution(Requirement(each).name).files or []]
+packages = {file.parts[0] for file in files if len(file.parts) == 2 and file.name == "__init__.py"}
+alone = {file.name.partition(".")[0] for file in files if len(file.parts) == 1 and file.suffix in (".py", ".so")}
+for module in packages | alone:
+    if module.isidentifier() and module[0] != "_" and "__" not in module:
         try:
             importlib.import_module(module)
         except Exception as error:
