@@ -131,14 +131,15 @@ SCORES_OF_SDS = {
 
 
 @cache
-def _draw_tables(rows: int, tables: int) -> NDArray[np.int64]:
-    """Of `DRAWS` recombined tables, which table each row is taken from."""
-    return np.random.default_rng(1).integers(tables, size=(rows, DRAWS))
+def _draw_tables(rows: int, tables: int, draws: int) -> NDArray[np.int64]:
+    """Of recombined tables, which table each row is taken from."""
+    return np.random.default_rng(1).integers(tables, size=(rows, draws))
 
 
 def recombine(rows: Floats, combine: Callable[..., Floats]) -> Floats:
     """Score `DRAWS` tables that are put together of rows drawn independently; their scores have shape (rows, N)."""
-    return combine(np.take_along_axis(rows, _draw_tables(*rows.shape), axis=1), axis=0)
+    chosen = _draw_tables(*rows.shape, DRAWS)
+    return combine(np.take_along_axis(rows, chosen, axis=1), axis=0)
 
 
 def p_values(score: Score, numbers: Floats, by_rows: bool) -> Floats:
