@@ -33,6 +33,16 @@ print(matplotlib.rcParams["font.family"])
 LEFT = ["notebooks/small.ipynb", "results/outcomes/small.json", "results/small.csv"]
 
 
+@pytest.fixture
+def without_kernel(monkeypatch):
+    """Execute cells in this process, where what is tested is not the kernel, which takes long to start."""
+
+    def execute(notebook, source, partial):
+        exec("\n".join(cell.source for cell in notebook.cells), {})
+
+    monkeypatch.setattr(execution, "execute", execute)
+
+
 def made_in(folder):
     """What lies in a project but sources and what is never committed, by name."""
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*.*")}
@@ -110,7 +120,7 @@ def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
     assert not (folder / ".make" / "small.ran").exists()
 
 
-def test_an_executed_notebook_that_was_edited_is_never_overwritten(project):
+def test_an_executed_notebook_that_was_edited_is_never_overwritten(project, without_kernel):
     folder = project(small="# %%\nrepeats = 30\n")
     execution.run(small(folder))
     small(folder).write_text("# %%\nrepeats = 31\n", "utf-8")
@@ -183,7 +193,9 @@ Path(os.environ["REPLICATION_OUT"], "figures", "one.svg").touch()
         ('# %%\nif False: workbook.show_figure("one", 1, "")\n', "not made"),
     ],
 )
-def test_a_run_that_makes_other_files_than_its_source_names_fails(project, text, says):
+def test_a_run_that_makes_other_files_than_its_source_names_fails(
+    project, text, says, without_kernel
+):
     folder = project(small=text)
     with pytest.raises(execution.NotebookFailed, match=says):
         execution.run(small(folder))
