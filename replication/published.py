@@ -61,13 +61,14 @@ def cells(element: str | None = None) -> pd.DataFrame:
 
 def value(cell: str) -> float:
     """Printed value of a cell, in the cell's unit; a KeyError if there is no such cell."""
-    return float(cells().loc[cell, "value"])
+    return float(cells().at[cell, "value"])
 
 
 def tolerance(cell: str) -> float:
     """Largest difference from the printed value that is none, in the cell's unit."""
-    row = cells().loc[cell]
-    return float(row["abs_tol"] + row["rel_tol"] * abs(row["value"]))
+    printed = cells()
+    absolute, relative = printed.at[cell, "abs_tol"], printed.at[cell, "rel_tol"]
+    return float(absolute + relative * abs(printed.at[cell, "value"]))
 
 
 def half_last_digit(printed: str) -> float:

@@ -181,14 +181,17 @@ def _root_cause(error: BaseException) -> str:
     return text.rpartition(">: ")[2] or type(error).__name__
 
 
+_SHEETS = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"  # before a tag's name
+
+
 @cache  # of a whole file's bytes, so of a file that is verified
 def _read_worksheet(workbook: bytes) -> FloatArray:
     """Numbers of the first sheet of an XLSX file that holds numbers alone; shape (rows, columns)."""
     with zipfile.ZipFile(io.BytesIO(workbook)) as parts:
         sheet = ElementTree.fromstring(parts.read("xl/worksheets/sheet1.xml"))
     rows = [
-        [float(value.text or "nan") for value in row.iterfind("{*}c/{*}v")]
-        for row in sheet.iterfind("{*}sheetData/{*}row")
+        [float(value.text or "nan") for value in row.iter(f"{_SHEETS}v")]
+        for row in sheet.iter(f"{_SHEETS}row")
     ]
     return np.array([row for row in rows if row])
 

@@ -60,7 +60,7 @@ def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
 
         return prediction_interval(_pooled(numbers))
     tolerance = published.tolerance(cell)
-    is_bound = published.cells().loc[cell, "kind"] == "bound"
+    is_bound = published.cells().at[cell, "kind"] == "bound"
     return numbers - tolerance, math.inf if is_bound else numbers + tolerance
 
 

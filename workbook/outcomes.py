@@ -88,7 +88,7 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
 
 def source_of(cell: str) -> str:
     """Where our number comes from: as `cells.csv` says, or our joint where its records take the authors' place."""
-    source = published.cells().loc[cell, "source"]
+    source = published.cells().at[cell, "source"]
     ours = source in ("recomputed", "authors' files") and records_are_simulated()
     return "simulated joint" if ours else source
 
