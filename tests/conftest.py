@@ -3,8 +3,6 @@ import os
 import pytest
 from hypothesis import settings
 
-from replication.records import AUTHORS_FILES, authors_file, load_clean
-
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
 OUTSIDE = {
     "authors_data": ("BACKLASH_DATA", "needs the authors' files, in the folder BACKLASH_DATA"),
@@ -81,6 +79,11 @@ def same_environment():
 @pytest.fixture(scope="session")
 def authors_data():
     """Verify the authors' files; a test that needs them is marked `data`, and skipped without them."""
+    from replication.records import (
+        AUTHORS_FILES,
+        authors_file,
+    )  # slow, and whoever hands out tests runs none
+
     for path in AUTHORS_FILES:
         authors_file(path)
 
@@ -93,4 +96,6 @@ def hardware_logs():
 @pytest.fixture(scope="session")
 def record_12(authors_data):
     """The authors' clean record 12, which their stored runs were fitted to."""
+    from replication.records import load_clean
+
     return load_clean(12)
