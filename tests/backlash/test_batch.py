@@ -153,6 +153,7 @@ class Killer:
         return os._exit, (9,)
 
 
+@pytest.mark.slow
 def test_two_workers_say_what_one_says_and_one_that_dies_costs_its_own_log_only(tmp_path):
     names = ["a.csv", "b.csv"]
     alone = dict(batch.run_batch(read_batch(names, HOW), 1))

@@ -17,10 +17,8 @@ from workbook.sources import listed_exports, notebook_sources
 
 RESULTS = ROOT / "results"
 # The first needs a library, the second ten seconds; the others need files.
-SLOW = ("engine", "table2_prediction")
-OTHERS = [name for name in KEPT if name not in SLOW]
-ALONE = [pytest.param([name], marks=pytest.mark.slow, id=name) for name in SLOW]
-TOGETHER = pytest.param(OTHERS, marks=pytest.mark.data, id="others")
+ALONE = ("engine", "table2_prediction")
+TOGETHER = [name for name in KEPT if name not in ALONE]
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}
 OF_REPORT = {"verdicts", "claims"}
@@ -98,7 +96,8 @@ def test_where_nothing_says_how_a_kept_table_was_written_it_is_refused(text, tmp
         check_kept(tmp_path / "one.csv")
 
 
-@pytest.mark.parametrize("names", [*ALONE, TOGETHER])
+@pytest.mark.slow
+@pytest.mark.parametrize("names", [*([each] for each in ALONE), TOGETHER], ids=[*ALONE, "others"])
 def test_a_row_of_a_kept_table_made_again_is_the_kept_one(names):
     check_or_skip({name: [KEPT[name].first] for name in names})
 
