@@ -5,6 +5,7 @@ A study gives a table; `measure_...` reduces it to what the claim's rule in `cla
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy import stats
 
 from replication import figures, published, table2
 from replication.characteristic import printed_levels_rad
-from replication.joint import TURN, Joint, change, identified_joint, settled_peak, simulate
+from replication.joint import TURN, Joint, Run, change, identified_joint, settled_peak, simulate
 from replication.published import Criteria, Measured
 from replication.records import Recording, add_noise, constant_speed
 from replication.signature import FloatArray, Timing
@@ -193,9 +194,14 @@ def measure_dependence(joint: Joint, delta_rad: float) -> Measured:
     return changed, f"a stiffness a fifth lower changes the settled peak by {changed:.2g} %"
 
 
+@lru_cache(1)  # a run is read by one encoder after the other
+def _twelve_turns(joint: Joint, delta_rad: float) -> Run:
+    return simulate(joint, delta_rad, 12 * joint.turn_period)
+
+
 def encoder_record(joint: Joint, delta_rad: float, bits: int, offset_rad: float) -> Recording:
     """Record speeds differenced from the positions of an encoder that is turned by an offset."""
-    run = simulate(joint, delta_rad, 12 * joint.turn_period)
+    run = _twelve_turns(joint, delta_rad)
     source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
     return read_encoder(joint, run.t, run.theta_m + offset_rad, TURN / 2**bits, source)
 
