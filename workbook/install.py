@@ -16,6 +16,8 @@ import sys
 import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +50,8 @@ exec "$(dirname -- "$(readlink -f -- "$0")")/python" -m backlash "$@"
 CHECK = """
 import importlib, json, sys
 from importlib.metadata import PackageNotFoundError, distribution
-from pip._vendor.packaging.requirements import Requirement
-from pip._vendor.packaging.utils import canonicalize_name as canonical
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name as canonical
 asked, lock = map(json.loads, sys.argv[1:])
 pinned = [each for each in map(Requirement, lock) if not each.marker or each.marker.evaluate()]
 locked = {canonical(each.name): str(each.specifier).removeprefix("==") for each in pinned}
@@ -131,7 +133,7 @@ def make_environment() -> None:
     The path to them is relative, so that a copied or moved checkout finds its own.
     """
     shutil.rmtree(VENV, ignore_errors=True)
-    run([sys.executable, "-m", "venv", str(VENV)], environment()) or sys.exit(2)
+    run([sys.executable, "-m", "venv", "--without-pip", str(VENV)], environment()) or sys.exit(2)
     (site,) = VENV.glob("lib/python*/site-packages")
     (site / "checkout.pth").write_text("../../../..\n")
     console = VENV / "bin" / "backlash"
@@ -166,8 +168,18 @@ def install(what: Sequence[str]) -> None:
 
 def run_pip(lock: Path) -> bool:
     """Whether pip installs what a lock has, whatever else the user's files say."""
-    command = [PYTHON, "-I", "-m", "pip", "install", "--quiet", "--no-user", "--require-hashes"]
+    command = [*pip(), "install", "--quiet", "--no-user", "--require-hashes"]
     return run([*command, "--requirement", str(lock)], environment() | pip_settings())
+
+
+@cache
+def pip() -> list[str]:
+    """The command pip for .venv: of the Python that makes it, or where that has none, in .venv, which takes seconds."""
+    with contextlib.suppress(PackageNotFoundError, ValueError):
+        if [*map(int, version("pip").split(".")[:2])] >= [22, 3]:  # which knows --python
+            return [sys.executable, "-I", "-m", "pip", "--python", PYTHON]
+    run([PYTHON, "-I", "-m", "ensurepip"], environment()) or sys.exit(2)
+    return [PYTHON, "-I", "-m", "pip"]
 
 
 def environment() -> dict[str, str]:
@@ -186,7 +198,7 @@ def _option(variable: str, prefix: str) -> str:
 
 def pip_settings() -> dict[str, str]:
     """The user's settings of pip that are kept, as variables, whichever file they stand in; files are read no more."""
-    listed = subprocess.run([PYTHON, "-m", "pip", "config", "list"], capture_output=True, text=True)
+    listed = subprocess.run([*pip(), "config", "list"], capture_output=True, text=True)
     if listed.returncode:
         sys.exit(f"pip's settings cannot be read: {' '.join(listed.stderr.splitlines()[-4:])}")
     settings = []

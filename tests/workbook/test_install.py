@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 import tomllib
+from importlib.metadata import PackageNotFoundError
+from unittest.mock import Mock
 
 import pytest
 
@@ -43,6 +45,29 @@ extra-index-url = ["https://third.example/simple"]
 """
 
 
+def of_any_python():
+    """The command pip of the Python that .venv was made by, for .venv need have none."""
+    python = f"{sys.base_prefix}/bin/python3"
+    if subprocess.run([python, "-c", "import pip"], capture_output=True).returncode:
+        pytest.skip("needs pip")
+    return [python, "-m", "pip"]
+
+
+@pytest.mark.parametrize(("there", "is_own"), [("22.3.1", False), ("22.2", True), (None, True)])
+def test_where_no_pip_is_there_that_installs_for_another_python_the_environment_gets_its_own(
+    there, is_own, monkeypatch
+):
+    versions = Mock(return_value=there, side_effect=None if there else PackageNotFoundError)
+    ran = Mock(return_value=True)
+    monkeypatch.setattr(install, "version", versions)
+    monkeypatch.setattr(install, "run", ran)
+    python, *words = install.pip.__wrapped__()
+    assert python == (install.PYTHON if is_own else sys.executable)
+    assert words[:3] == ["-I", "-m", "pip"]
+    assert words[3:] == ([] if is_own else ["--python", install.PYTHON])
+    assert ran.called == is_own
+
+
 def test_of_pips_settings_only_where_packages_come_from_is_kept(folder, monkeypatch):
     (folder / "pip.conf").write_text(PIP_CONF)
     settings = {"PIP_CONFIG_FILE": str(folder / "pip.conf"), "PIP_CERT": "/certificates.pem"}
@@ -50,6 +75,7 @@ def test_of_pips_settings_only_where_packages_come_from_is_kept(folder, monkeypa
     settings |= {"VIRTUAL_ENV": "/elsewhere", "PYTHONUSERBASE": "/elsewhere"}
     for name, value in settings.items():
         monkeypatch.setenv(name, value)
+    monkeypatch.setattr(install, "pip", of_any_python)
     variables = install.environment() | install.pip_settings()
     assert "/elsewhere" not in variables.values()
     kept = {"PIP_INDEX_URL": "https://index.example/simple", "PIP_CERT": "/certificates.pem"}
@@ -82,6 +108,7 @@ def test_a_settings_file_that_cannot_be_read_ends_it_in_one_line(folder, monkeyp
     (folder / "torn").write_text("[global\n")
     monkeypatch.setenv("PIP_CONFIG_FILE", str(folder / "torn"))
     monkeypatch.setenv("UV_CONFIG_FILE", str(folder / "torn"))
+    monkeypatch.setattr(install, "pip", of_any_python)
     for read in (install.pip_settings, install.uv_settings):
         with pytest.raises(SystemExit, match="torn") as ended:
             read()
