@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import tomllib
+import venv
 from importlib.metadata import PackageNotFoundError
 from unittest.mock import Mock
 
@@ -133,6 +134,25 @@ def test_what_is_promised_is_looked_for_in_the_locked_version_with_all_that_it_n
     (folder / "requirements.lock").write_text(f"{locked} \\\n    --hash=sha256:00\n")
     found = install.find_lacking(["one"], is_base=False)
     assert install.re.fullmatch(lacks, found)
+
+
+@pytest.mark.parametrize("module", ["broken.py", "broken/__init__.py", "broken.abi3.so"])
+def test_what_is_there_and_cannot_be_imported_is_named(folder, module, monkeypatch):
+    venv.create(folder / ".venv", symlinks=True)
+    (site,) = folder.glob(".venv/lib/python*/site-packages")
+    (site / "others.pth").write_text(
+        "\n".join(path for path in sys.path if "site-packages" in path)
+    )
+    about = site / "broken-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Name: broken\nVersion: 1.0\n")
+    (about / "RECORD").write_text(f"{module},,\n")
+    (site / module).parent.mkdir(exist_ok=True)
+    (site / module).write_text("1 / 0")
+    (folder / "pyproject.toml").write_text('[dependency-groups]\none = ["broken"]\n')
+    (folder / "requirements.lock").write_text("")
+    monkeypatch.setattr(install, "PYTHON", str(folder / ".venv" / "bin" / "python"))
+    assert install.find_lacking(["one"], is_base=False).startswith("broken cannot be imported")
 
 
 @pytest.mark.slow
