@@ -162,7 +162,7 @@ def change(joint: Joint, factors: Mapping[str, float]) -> Joint:
         joint = joint._replace(**{name: getattr(point, name) for name in fields})
     alone: dict[str, Any] = {name: factors[name] for name in factors if name not in old}
     if zero := [name for name in alone if getattr(joint, name) == 0]:
-        raise ValueError(f"{', '.join(zero)}: zero, which no factor changes; use _replace")
+        raise ValueError(f"{', '.join(zero)}: zero, which no factor changes: leave it out")
     return joint._replace(**{name: alone[name] * getattr(joint, name) for name in alone})
 
 

@@ -79,10 +79,8 @@ def same_environment():
 @pytest.fixture(scope="session")
 def authors_data():
     """Verify the authors' files; a test that needs them is marked `data`, and skipped without them."""
-    from replication.records import (
-        AUTHORS_FILES,
-        authors_file,
-    )  # slow, and whoever hands out tests runs none
+    # Imported here: it is slow, and the process that hands out tests runs none.
+    from replication.records import AUTHORS_FILES, authors_file
 
     for path in AUTHORS_FILES:
         authors_file(path)
