@@ -63,7 +63,7 @@ class SearchSettings:
         *(Move(*step) for step in product((1.0, -1.0), (0.15, -0.15, 0.45))),
         Move(-2.0, 0.8),
         *(Move(softer_mrad=0.3), Move(stiffer=-0.3, softer_mrad=0.3)),
-        *(Move(usual=(SOFT,)), Move(stiffer=-0.3, usual=(SOFT,))),
+        Move(usual=(SOFT,)),
     )
     most_rounds: int = 4
     # Shares of chi squared, about a hundred, by which a step that ends a descent lowers it: 2, 0.1, and nothing.
@@ -128,7 +128,8 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
     for starts, finalists in zip(rank_starts(rough), s.finalists, strict=True):
         rough_ends = descend_each(rough, starts, s.rough_tolerance)
         best_ends = distinct(rough_ends, s.rough_same)[:finalists]
-        ends += descend_each(problem, best_ends, s.tolerance)
+        begins = [evaluate_beside(problem, each, each.theta) for each in best_ends]
+        ends += descend_each(problem, begins, s.tolerance)
         best = descend_beside(problem, ends)
         is_near = np.abs(problem.prior_residuals(best.theta)).max() < s.most_prior_residual
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
@@ -140,8 +141,8 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
     near = [descend(problem, each, s.near_tolerance) for each in near or [best]]
     for restart in s.restarts:
         lowest = min(near, key=_chi2)
-        beside = move(problem, lowest, restart)
-        near.append(descend(problem, beside, s.near_tolerance, lowest.chi2 + s.rival * scale, near))
+        begin = evaluate_beside(problem, lowest, move(problem, lowest.theta, restart))
+        near.append(descend(problem, begin, s.near_tolerance, lowest.chi2 + s.rival * scale, near))
     best = descend(problem, min(near, key=_chi2))
     return distinct([best, *near], s.same)
 
@@ -150,25 +151,30 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
     """Joints of a grid: the best ring of each gap and friction, ranked; the best friction of each gap and ring."""
     s = SETTINGS
     rings = 2 * np.log(TURN * np.geomspace(*s.rings_hz, s.start_rings))
-    grid = [[place_each(rough, delta, ring) for ring in rings] for delta in s.starts_mrad]
+    grid = [place_each(rough, delta, rings) for delta in s.starts_mrad]
     best_ring = [min(each, key=_chi2) for by_ring in grid for each in zip(*by_ring, strict=True)]
     best_friction = [min(each, key=_chi2) for by_ring in grid for each in by_ring]
     return sorted(best_ring, key=_chi2)[: s.first_starts], best_friction
 
 
-def place_each(problem: Problem, delta_mrad: float, ring: float) -> list[Candidate]:
-    """The usual joint but for these and each of some frictions; each orbit is looked for from the one before."""
-    placed: list[Candidate] = []
+def place_each(problem: Problem, delta_mrad: float, rings: FloatArray) -> list[list[Candidate]]:
+    """The usual joint but for a gap, each ring and each of some frictions; orbits are looked for from those beside."""
+    placed: list[list[Candidate]] = []
     theta = problem.prior.mean.copy()
-    theta[[DELTA, STIFFNESS]] = delta_mrad, ring
-    start = None
-    for friction in np.array(SETTINGS.start_frictions) * min(problem.prior.most_friction, 0.9):
-        theta[FRICTION] = friction
-        each = evaluate(problem, theta.copy(), start)
-        if each.predicted is None and start is not None:
-            each = evaluate(problem, theta.copy())
-        start = each.predicted and each.predicted.start
-        placed.append(each)
+    theta[DELTA] = delta_mrad
+    frictions = np.array(SETTINGS.start_frictions) * min(problem.prior.most_friction, 0.9)
+    for ring in rings:
+        theta[STIFFNESS] = ring
+        beside = placed[-1][0] if placed else None
+        placed.append([])
+        for friction in frictions:
+            theta[FRICTION] = friction
+            start = beside and beside.predicted and beside.predicted.start
+            each = evaluate(problem, theta.copy(), start)
+            if each.predicted is None and start is not None:
+                each = evaluate(problem, theta.copy())
+            beside = each
+            placed[-1].append(each)
     return placed
 
 
@@ -181,6 +187,11 @@ def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = Non
     residuals = torque_residuals(predicted, problem.compared)
     chi2 = float(residuals @ residuals) + prior_chi2
     return Candidate(theta, chi2, prior_chi2, predicted, residuals)
+
+
+def evaluate_beside(problem: Problem, candidate: Candidate, theta: FloatArray) -> Candidate:
+    """A joint with its misfit, by the orbit near another joint's."""
+    return evaluate(problem, theta, candidate.predicted and candidate.predicted.start)
 
 
 def descend_each(problem: Problem, begins: list[Candidate], tolerance: float) -> list[Candidate]:
@@ -200,23 +211,24 @@ def descend_beside(problem: Problem, ends: list[Candidate]) -> Candidate:
     best = min(ends, key=_chi2)
     for _ in range(s.most_rounds):
         for step in s.neighbours:
-            ends.append(descend(problem, move(problem, best, step), s.tolerance, best.chi2, ends))
+            begin = evaluate_beside(problem, best, move(problem, best.theta, step))
+            ends.append(descend(problem, begin, s.tolerance, best.chi2, ends))
         before, best = best, min(ends, key=_chi2)
         if best.chi2 > before.chi2 * (1 - s.tolerance) - 0.1:
             break
     return best
 
 
-def move(problem: Problem, candidate: Candidate, beside: Move) -> Candidate:
+def move(problem: Problem, theta: FloatArray, beside: Move) -> FloatArray:
     """A joint beside another; the gap and the soft part's wind-up beyond the spring's take each other's place."""
-    theta = candidate.theta.copy()
-    theta[[*beside.usual]] = problem.prior.mean[[*beside.usual]]
-    theta[SOFT] += beside.softer_mrad
-    theta[DELTA] -= (1 - theta[SHARE]) * (theta[SOFT] - candidate.theta[SOFT])
-    theta[DELTA] += beside.steps * (0.06 * abs(theta[DELTA]) + 0.02)
-    theta[STIFFNESS] += beside.stiffer
-    theta[FILTER] += beside.low_passed_ms
-    return candidate._replace(theta=theta)
+    moved = theta.copy()
+    moved[[*beside.usual]] = problem.prior.mean[[*beside.usual]]
+    moved[SOFT] += beside.softer_mrad
+    moved[DELTA] -= (1 - moved[SHARE]) * (moved[SOFT] - theta[SOFT])
+    moved[DELTA] += beside.steps * (0.06 * abs(moved[DELTA]) + 0.02)
+    moved[STIFFNESS] += beside.stiffer
+    moved[FILTER] += beside.low_passed_ms
+    return moved
 
 
 def distinct(candidates: list[Candidate], same: float) -> list[Candidate]:
@@ -247,19 +259,19 @@ def _differentiate(problem: Problem, here: Candidate) -> _Slopes:
 
 def descend(
     problem: Problem,
-    begin: Candidate,
+    here: Candidate,
     tolerance: float = SETTINGS.last_tolerance,
     target: float = np.inf,
     ends: Sequence[Candidate] = (),
     holds_delta: bool = False,
 ) -> Candidate:
-    """Least squares by Levenberg's and Marquardt's method; the first step is no longer than a bounce of the teeth.
+    """Least squares by Levenberg's and Marquardt's method from a joint that is evaluated in this problem.
 
-    It ends where a good step lowers chi squared by less than that share, where twenty such steps would stay above a
-    target, or within a first step (a tenth of it, if the tolerance is fine) of an end above which three such steps
-    would stay. A step to where the load has no periodic orbit is taken back.
+    The first step is no longer than a bounce of the teeth. It ends where a good step lowers chi squared by less than
+    that share, where twenty such steps would stay above a target, or within a first step (a tenth of it, if the
+    tolerance is fine) of an end above which three such steps would stay. A step to where the load has no periodic orbit
+    is taken back.
     """
-    here = evaluate(problem, begin.theta, begin.predicted and begin.predicted.start)
     if here.predicted is None:
         return here
     slopes = _differentiate(problem, here)
@@ -328,5 +340,5 @@ def hold_delta(
     """The best joint of a backlash, from another's, or one that is clearly above a target."""
     theta = candidate.theta.copy()
     theta[DELTA] = delta_mrad
-    begin = candidate._replace(theta=theta)
+    begin = evaluate_beside(problem, candidate, theta)
     return descend(problem, begin, SETTINGS.near_tolerance, target, holds_delta=True)

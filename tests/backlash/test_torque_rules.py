@@ -329,13 +329,14 @@ def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmon
 def test_candidates_beside_another_and_those_that_are_the_same():
     problem, _ = a_prior()
     problem.prior.mean[[DELAY, SOFT]] = 7.0, 0.0
-    moved = move(problem, candidate(0.5), Move(-1.0, 0.15)).theta
+    theta = candidate(0.5).theta
+    moved = move(problem, theta, Move(-1.0, 0.15))
     assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
     assert (moved[STIFFNESS], moved[SOFT], moved[DELAY]) == (0.15, 0, 0)
-    soft = move(problem, candidate(0.5), Move(softer_mrad=0.3, usual=(DELAY,)))
-    assert tuple(soft.theta[[DELTA, SOFT, DELAY]]) == pytest.approx((0.35, 0.3, 7.0))
-    assert move(problem, soft, Move(low_passed_ms=5.0)).theta[FILTER] == 5.0
-    again = move(problem, soft, Move(usual=(SOFT,))).theta
+    soft = move(problem, theta, Move(softer_mrad=0.3, usual=(DELAY,)))
+    assert tuple(soft[[DELTA, SOFT, DELAY]]) == pytest.approx((0.35, 0.3, 7.0))
+    assert move(problem, soft, Move(low_passed_ms=5.0))[FILTER] == 5.0
+    again = move(problem, soft, Move(usual=(SOFT,)))
     assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
     near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
     chosen = [each.theta[DELTA] for each in distinct(near, 0.03)]
