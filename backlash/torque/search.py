@@ -72,7 +72,7 @@ class SearchSettings:
     last_tolerance: float = 1e-10
     near: float = 20.0  # chi squared beyond the best end's of ends that go on
     rival: float = 9.0  # and of ends of restarts, three SDs
-    most_near: int = 6
+    most_near: int = 4
     # Many minima lie close together, and a soft part beside a stiffer spring winds up as far under gravity: so descents
     # begin again from beside the lowest, mostly from such joints, with usual details.
     restarts: tuple[Move, ...] = (
@@ -80,7 +80,8 @@ class SearchSettings:
         Move(stiffer=0.8, softer_mrad=0.5, usual=(SHARE,)),
         Move(stiffer=0.3, softer_mrad=0.15, usual=_DETAILS),
         Move(softer_mrad=0.15, usual=_TIMES),
-        *(Move(stiffer=0.8, usual=_TIMES), Move(-0.5), Move(low_passed_ms=5.0, usual=_DETAILS)),
+        Move(stiffer=0.8, usual=_TIMES),
+        Move(low_passed_ms=5.0, usual=_DETAILS),
     )
     near_tolerance: float = 1e-5
     same: float = 0.1  # first steps between two ends of one minimum, and where descents were rough
