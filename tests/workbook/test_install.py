@@ -7,8 +7,10 @@ import sys
 import tomllib
 import venv
 from importlib.metadata import PackageNotFoundError
+from pathlib import Path
 from unittest.mock import Mock
 
+import packaging
 import pytest
 
 from workbook import ROOT, install
@@ -140,9 +142,7 @@ def test_what_is_promised_is_looked_for_in_the_locked_version_with_all_that_it_n
 def test_what_is_there_and_cannot_be_imported_is_named(folder, module, monkeypatch):
     venv.create(folder / ".venv", symlinks=True)
     (site,) = folder.glob(".venv/lib/python*/site-packages")
-    (site / "others.pth").write_text(
-        "\n".join(path for path in sys.path if "site-packages" in path)
-    )
+    (site / "packaging").symlink_to(Path(packaging.__file__).parent)
     about = site / "broken-1.0.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Name: broken\nVersion: 1.0\n")
