@@ -141,9 +141,12 @@ def dominant_period(recording: Recording, torque: FloatArray) -> float | None:
     least = max(_DOMINATES * own, np.sqrt(2 * _GRAVITYS_SHARE) * torque.std())
     if amplitude[best] <= least:
         return None
-    # The top of the parabola through the line's highest values.
     before, top, after = amplitude[best - 1 : best + 2]
-    return float(1 / (hz[best] + 0.5 * hz[1] * (before - after) / (before - 2 * top + after)))
+    beside = 0.0
+    if max(before, after) < top:  # else the line lies beyond what is tried
+        # The top of the parabola through the three highest values.
+        beside = 0.5 * (before - after) / (before - 2 * top + after)
+    return float(1 / (hz[best] + beside * hz[1]))
 
 
 def period_by_energy(recording: Recording, signal: FloatArray) -> float:

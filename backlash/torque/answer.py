@@ -104,8 +104,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     best, *others = _put_joint_first(
         problem, search(problem, state_problem(turn, load, is_rough=True))
     )
-    # Of chi squared, where the model leaves more than noise.
-    scale = max(best.chi2 / problem.size, 1.0)
+    scale = problem.scale(best.chi2)
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)
     rivals = [each for each in others if each.chi2 < best.chi2 + LIMITS.rival * scale]
@@ -127,7 +126,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
 
 def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]:
     """The ends, first the lowest that a joint can be, if it fits nearly as well as the lowest of all."""
-    most = ends[0].chi2 + LIMITS.rival * max(ends[0].chi2 / problem.size, 1.0)
+    most = ends[0].chi2 + LIMITS.rival * problem.scale(ends[0].chi2)
     for each in ends:
         distances = problem.prior_residuals(each.theta)
         if each.chi2 < most and np.abs(distances).max() < LIMITS.most_prior_residual:
@@ -280,13 +279,15 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
         )
     largest = int(np.abs(distances).argmax())
     low_pass = float(best.theta[FILTER])
-    is_filtered = low_pass > LIMITS.usual_low_pass_ms
+    filtered = "is the torque filtered, or a mean of some samples? "
+    if low_pass <= LIMITS.usual_low_pass_ms:
+        filtered = ""
     if is_bad or abs(distances[largest]) > LIMITS.most_prior_residual:
         raise Refusal(
             f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest]} "
             f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
             f"SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by "
-            f"{low_pass:.1f} ms); {'is the torque filtered, or a mean of some samples? ' * is_filtered}are "
+            f"{low_pass:.1f} ms); {filtered}are "
             "the load's data right? are all other axes held still, and is the arm stiff beside the payload (its "
             "first swing, at 6 to 15 Hz, usually refuses a wrist's log)? is there a belt, or an error of the gear?",
             Reason.NO_FIT,

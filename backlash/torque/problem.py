@@ -107,7 +107,6 @@ class Prior(NamedTuple):
     """What is known of the unknowns beforehand; a weight is one over the square of an SD."""
 
     mean: FloatArray
-    sd: FloatArray
     weight: FloatArray
     weight_below_zero: FloatArray  # larger where nothing can be below
     most_friction: float  # of the load: all friction
@@ -124,13 +123,17 @@ class Problem(NamedTuple):
         """How many numbers are compared."""
         return 2 * self.compared.order.size
 
+    def scale(self, chi2: float) -> float:
+        """Chi squared per number, which exceeds one where the model leaves more than noise; else one."""
+        return max(chi2 / self.size, 1.0)
+
     def misfit(self, chi2: float) -> float:
         """By how many SDs chi squared exceeds what noise leaves."""
         return float((chi2 - self.size) / np.sqrt(2 * self.size))
 
     def prior_residuals(self, theta: FloatArray) -> FloatArray:
         """Distances from what is known beforehand over their SDs, as they are above zero."""
-        distance = (theta - self.prior.mean) / self.prior.sd
+        distance = (theta - self.prior.mean) * np.sqrt(self.prior.weight)
         distance[SOFT] = np.hypot(distance[SOFT], wind_up_share(theta)[0] / _SOFT_SD)
         return distance
 
@@ -198,5 +201,5 @@ def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) ->
     used = turn.used & (turn.speed.order <= harmonics)
     smoothing = c.loss_smoothing * g
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
-    weight, weight_below = sd**-2.0, np.where(np.isnan(below), sd, below) ** -2.0
-    return Problem(compared, Prior(mean, sd, weight, weight_below, turn.friction))
+    below = np.where(np.isnan(below), sd, below)
+    return Problem(compared, Prior(mean, sd**-2.0, below**-2.0, turn.friction))

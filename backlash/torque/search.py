@@ -136,7 +136,7 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
             break
     # An end that fits nearly as well may lie in the best one's valley: all of these go on to their minimum.
-    scale = max(best.chi2 / problem.size, 1.0)
+    scale = problem.scale(best.chi2)
     most = best.chi2 + s.near * scale
     near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
     near = [descend(problem, each, s.near_tolerance) for each in near or [best]]

@@ -44,6 +44,11 @@ def candidate(delta_mrad, chi2=100.0, gravity=0.0):
     return Candidate(theta, chi2)
 
 
+def of_hundred_numbers(sd):
+    compared = SimpleNamespace(order=np.zeros(50))
+    return Problem(compared, Prior(np.zeros(sd.size), sd**-2, sd**-2, most_friction=0.5))
+
+
 @pytest.fixture
 def decide(monkeypatch):
     """What `fit_torque` makes of candidates whose misfits are of 100 numbers, with an SD of the gap [mrad]."""
@@ -54,7 +59,7 @@ def decide(monkeypatch):
             "_check_movement": None,
             "refuse_averaged": None,
             "_check_joint": None,
-            "state_problem": SimpleNamespace(size=100, prior_residuals=lambda theta: theta),
+            "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
         },
         **{"_quantities": {}, "_model_torque": None},
     }.items():
@@ -210,19 +215,19 @@ def test_a_movement_is_refused_beyond_its_limits(
 def test_a_joint_is_refused_beyond_its_limits(place, value, chi2, words):
     theta, sd = np.zeros(len(NAMES)), np.full(len(NAMES), 0.1)
     theta[place], sd[DELAY] = value, 4.0
-    compared = SimpleNamespace(order=np.zeros(50))
-    problem = Problem(compared, Prior(np.zeros(theta.size), sd, sd**-2, sd**-2, 0.5))
     covariance = 0.25 * np.eye(theta.size)  # an SD of 0.5 ms
-    given = (problem, Candidate(theta, chi2), covariance)
+    given = (of_hundred_numbers(sd), Candidate(theta, chi2), covariance)
     with refused_for(words):
         rules._check_joint(*given)
 
 
+SD = 1 + np.arange(1.0 * len(NAMES))
+
+
 def a_prior():
-    count = len(NAMES)
-    mean, sd = np.arange(1.0, count + 1), 1 + np.arange(1.0 * count)
+    mean = np.arange(1.0, SD.size + 1)
     mean[SOFT] = 0.0
-    return Problem(None, Prior(mean, sd, sd**-2, (0.1 * sd) ** -2, most_friction=0.6)), mean + 0.5
+    return Problem(None, Prior(mean, SD**-2, (0.1 * SD) ** -2, most_friction=0.6)), mean + 0.5
 
 
 @pytest.mark.parametrize("friction", [0.2, -0.2, 0.7], ids=["usual", "below zero", "beyond all"])
@@ -241,7 +246,7 @@ def test_a_priors_slopes_are_those_of_its_chi_squared(friction, soft):
     # Without the curvature of the soft part's share, which is none where there is no soft part.
     shares = [wind_up_share(theta + move)[0] - wind_up_share(theta - move)[0] for move in moves]
     slope = np.array(shares) / 2e-6 / 0.2 * (soft > 0)
-    sd = np.where(theta < 0, 0.1 * problem.prior.sd, problem.prior.sd)
+    sd = np.where(theta < 0, 0.1 * SD, SD)
     expected = np.diag(1 / sd**2) + np.outer(slope, slope)
     expected[FRICTION, FRICTION] += (friction > 0.6) / 0.05**2
     assert hessian == pytest.approx(expected, rel=1e-6, abs=1e-9)
@@ -252,12 +257,12 @@ def test_a_prior_is_of_distances_over_sds_which_below_zero_and_beyond_all_fricti
     theta[:] = problem.prior.mean
     for friction, expected in ((-0.2, 10), (0.2, 1)):
         theta[FRICTION] = friction
-        distance = (friction - problem.prior.mean[FRICTION]) / problem.prior.sd[FRICTION]
+        distance = (friction - problem.prior.mean[FRICTION]) / SD[FRICTION]
         assert prior_chi_squared(theta, problem.prior) == pytest.approx((expected * distance) ** 2)
         above = weigh_prior(theta, np.abs(theta), problem.prior)[1]
-        assert above[FRICTION] == pytest.approx(-distance / problem.prior.sd[FRICTION])
+        assert above[FRICTION] == pytest.approx(-distance / SD[FRICTION])
     theta[FRICTION] = 0.7
-    distance = (0.7 - problem.prior.mean[FRICTION]) / problem.prior.sd[FRICTION]
+    distance = (0.7 - problem.prior.mean[FRICTION]) / SD[FRICTION]
     both = distance**2 + (0.1 / 0.05) ** 2
     assert prior_chi_squared(theta, problem.prior) == pytest.approx(both)
 
@@ -269,7 +274,7 @@ def test_a_soft_part_is_a_share_of_what_gravity_winds_up():
     soft, spring = 0.4 * 0.2, 1e3 * 30 / 2e4
     share = soft / (soft + spring)
     assert wind_up_share(theta)[0] == pytest.approx(share)
-    own = 0.2 / problem.prior.sd[SOFT]
+    own = 0.2 / SD[SOFT]
     assert problem.prior_residuals(theta)[SOFT] == pytest.approx(np.hypot(own, share / 0.2))
     without = theta * (np.arange(theta.size) != SOFT)
     added = prior_chi_squared(theta, problem.prior) - prior_chi_squared(without, problem.prior)
