@@ -7,7 +7,6 @@ time with a noise and seeds of its own, under each of `SETTINGS` and `DRAWN_STAR
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -178,8 +177,7 @@ def best_fit(recording: Recording, settings: SearchSettings = NOTEBOOK) -> Fit:
     def misfits(shapes: FloatArray) -> FloatArray:
         return project(np.clip(shapes, *shapes_box), record, box.upper[0])[1]
 
-    steps = generations(misfits, shapes_box, seed=1, population=600, normals=_normals_of_best_fit())
-    run = search(steps, settings.iterations)
+    run = search(generations(misfits, shapes_box, 1, 600), settings.iterations)
     shape = run.best
     better = True
     while better:  # by a thousandth: basins that differ by less are one, see `BASIN_GAP`
@@ -194,12 +192,6 @@ def best_fit(recording: Recording, settings: SearchSettings = NOTEBOOK) -> Fit:
     T1 = float(np.clip(record.t0 + opening * record.dt - X.t0, 0, box.upper[6]))
     A = X.A * np.exp(-(T1 - X.T1) * X.tau)
     return Fit(X._replace(A=float(A), T1=T1), float(misfit), run.generations)
-
-
-@cache
-def _normals_of_best_fit() -> Normals:
-    """Those of a seed, the same for every record, so drawn once."""
-    return Normals(1, 600, PROJECTED.size)
 
 
 # First steps of t0 [s], tau [1/s] and omega [rad/s], small parts of a period, a decay and a bandwidth. Which samples a

@@ -4,10 +4,8 @@ By the standard library alone: a run of a notebook needs no more of the workbook
 """
 
 import ast
-import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 from replication.files import ROOT, UserError
 
@@ -18,27 +16,6 @@ def notebook_sources() -> dict[str, Path]:
     """Sources of the paper's notebooks and of those beyond it by name, in the order of their numbers."""
     files = [*NOTEBOOKS.glob("[0-9]*.py"), *NOTEBOOKS.glob("beyond/[0-9]*.py")]
     return {path.stem: path for path in sorted(files, key=lambda path: path.name)}
-
-
-CELL = re.compile(r"^# %%( \[markdown\])?(?:.* tags=(\[.*?\]))?.*\n", re.MULTILINE)
-
-
-class Cell(NamedTuple):
-    """A cell of a source: its text, as a reader sees it."""
-
-    is_markdown: bool
-    tags: set[str]
-    text: str
-
-
-def read_cells(source: Path) -> list[Cell]:
-    """Read the cells of a source in the py:percent format."""
-    _, *parts = CELL.split(source.read_text("utf-8"))
-    cells = []
-    for markdown, tags, text in zip(parts[::3], parts[1::3], parts[2::3], strict=True):
-        shown = re.sub(r"(?m)^# ?", "", text) if markdown else text
-        cells.append(Cell(bool(markdown), set(ast.literal_eval(tags or "[]")), shown.strip("\n")))
-    return cells
 
 
 def listed_exports(source: Path) -> list[str]:

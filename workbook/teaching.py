@@ -9,7 +9,7 @@ import numpy as np
 
 from workbook.outcomes import read_kept, say
 from workbook.parameters import is_number
-from workbook.sources import notebook_sources, read_cells
+from workbook.sources import notebook_sources
 
 # A model of a slow reader.
 WORDS_PER_MINUTE = 150
@@ -24,15 +24,18 @@ FIGURES = re.compile(r"workbook\.(?:show|show_figure|flipbook)\(")
 
 def reading_minutes(name: str) -> float:
     """How long a reader takes for a notebook, without its exercises' code: words, visible code, equations, figures."""
+    import jupytext  # slow to import
+
     words = lines = equations = figures = 0
-    for cell in read_cells(notebook_sources()[name]):
-        if cell.is_markdown:
-            equations += len(EQUATION.findall(cell.text))
-            words += len(EQUATION.sub("", cell.text).split())
-        elif not cell.tags & EXERCISE:
-            figures += len(FIGURES.findall(cell.text))
-            words += sum(len(text.split()) for text in _sentences(cell.text))
-            visible = [] if cell.tags & FOLDED else cell.text.splitlines()
+    for cell in jupytext.read(notebook_sources()[name]).cells:
+        tags = set(cell.metadata.get("tags", []))
+        if cell.cell_type == "markdown":
+            equations += len(EQUATION.findall(cell.source))
+            words += len(EQUATION.sub("", cell.source).split())
+        elif not tags & EXERCISE:
+            figures += len(FIGURES.findall(cell.source))
+            words += sum(len(text.split()) for text in _sentences(cell.source))
+            visible = [] if tags & FOLDED else cell.source.splitlines()
             lines += sum(bool(line.strip()) for line in visible)
     minutes = words / WORDS_PER_MINUTE + lines / LINES_PER_MINUTE
     return minutes + EQUATION_MINUTES * equations + FIGURE_MINUTES * figures

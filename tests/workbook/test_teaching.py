@@ -1,11 +1,9 @@
 """What a notebook tells a student: whether an answer is right, and how long a notebook takes."""
 
-import jupytext
 import numpy as np
 import pytest
 
 from workbook import check_answer, outcomes, say_times, teaching
-from workbook.sources import notebook_sources, read_cells
 from workbook.teaching import reading_minutes
 
 
@@ -63,16 +61,6 @@ def test_the_reading_time_counts_words_visible_code_equations_and_figures(tmp_pa
     monkeypatch.setattr(teaching, "notebook_sources", lambda: {"small": tmp_path / "small.py"})
     words = 3  # with the title's mark
     assert reading_minutes("small") == pytest.approx(words / 150 + 2 / 12 + 1 + 0.5)
-
-
-@pytest.mark.parametrize("name", notebook_sources())
-def test_the_cells_of_a_source_are_those_that_are_executed(name):
-    source = notebook_sources()[name]
-    executed = [
-        (cell.cell_type == "markdown", {*cell.metadata.get("tags", [])}, cell.source.strip("\n"))
-        for cell in jupytext.read(source).cells
-    ]
-    assert [tuple(cell) for cell in read_cells(source)] == executed
 
 
 def test_a_head_says_the_measured_time_and_none_where_none_was_measured(monkeypatch):
