@@ -47,5 +47,7 @@ def measure_amplitude(recording: Recording) -> Amplitude | None:
         for s in np.diag(steps)[:5]
     ]
     covariance = fit.rmse**2 * np.linalg.pinv(np.array(slopes) @ np.array(slopes).T)
-    model = np.interp(turn_phases(recording), places, h(turn, X, timing), period=1.0)
+    model = np.interp(
+        turn_phases(recording, recording.t.size), places, h(turn, X, timing), period=1.0
+    )
     return Amplitude(fit.amplitude_rps, float(1.96 * np.sqrt(covariance[0, 0])), model)

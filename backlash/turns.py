@@ -4,10 +4,11 @@ What repeats itself from turn to turn lies at the harmonics of the turn; between
 colour.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.fft import next_fast_len
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
@@ -28,6 +29,8 @@ LEAST_GRAVITY = 10.0  # in SDs of its line, once a turn, in the torque
 _GRAVITYS_SHARE = 0.5  # of the torque's variance; a joint that turns round has more
 _COMPARED_LINES = 6  # of odd and even turns
 _PHASES = 512
+_PARTS = 16  # of a turn, at one of which a record ends
+_ROUNDED_S = 5e-5  # over the record: a tenth of a sample, by which a rounded period drifts at most
 _RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
 
@@ -75,10 +78,29 @@ def harmonics(recording: Recording, signal: FloatArray, fastest_hz: float) -> Ha
     return Harmonics(order, omega, bins[turns * order], np.sqrt(beside[order]))
 
 
-def turn_phases(recording: Recording) -> FloatArray:
-    """Phase of each sample in turns, 0 where the settled turns begin."""
+def turn_phases(recording: Recording, end: int) -> FloatArray:
+    """Phase of each sample in turns, 0 where the settled turns of a record that ends before one of them begin."""
     samples = recording.turn_period_s / recording.sample_s
-    return (np.arange(recording.t.size) - recording.t.size) / samples % 1.0
+    return (np.arange(recording.t.size) - end) / samples % 1.0
+
+
+def end_by_gravity(recording: Recording, torque: FloatArray) -> tuple[Recording, FloatArray]:
+    """The record up to where gravity's line last passes a sixteenth of a turn, with a rounded period; and the torque.
+
+    So a log that begins or ends a sample later has the same mean turn.
+    """
+    unit = round_down(_ROUNDED_S * recording.turn_period_s / recording.t[-1])
+    period = float(unit * np.round(recording.turn_period_s / unit))
+    rounded = replace(recording, turn_period_s=period)
+    turned = recording.t[-1] / period + np.angle(gravity_by_turn(rounded, torque).mean()) / TURN
+    beyond_s = turned * _PARTS % 1.0 / _PARTS * period
+    end = recording.t.size - round(beyond_s / recording.sample_s)
+    return replace(rounded, t=recording.t[:end], v=recording.v[:end]), torque[:end]
+
+
+def round_down(size: ArrayLike) -> FloatArray:
+    """The next power of two below, by which a number is divided without an error."""
+    return np.asarray(np.exp2(np.floor(np.log2(np.maximum(size, np.finfo(float).tiny)))))
 
 
 def periodic(coefficient: ComplexArray, order: NDArray[np.int64], phase: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ from backlash.torque.unknowns import (
     TABLE,
 )
 from backlash.turns import (
+    end_by_gravity,
     gravity_by_turn,
     odd_against_even,
     periodic,
@@ -97,9 +98,10 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
     its current.
     """
-    turn = measure_turn(recording, torque)
-    _check_movement(recording, torque, turn, load)
-    refuse_averaged(recording, torque)
+    settled, settled_torque = end_by_gravity(recording, torque)
+    turn = measure_turn(settled, settled_torque)
+    _check_movement(settled, settled_torque, turn, load)
+    refuse_averaged(settled, settled_torque)
     problem = state_problem(turn, load)
     best, *others = _put_joint_first(
         problem, search(problem, state_problem(turn, load, is_rough=True))
@@ -120,7 +122,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
         joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio),
-        model_torque=_model_torque(recording, torque, problem, best),
+        model_torque=_model_torque(recording, torque, problem, best, settled.t.size),
     )
 
 
@@ -334,8 +336,8 @@ def _up_to_gravity(theta: FloatArray) -> FloatArray:
 
 
 def _model_torque(
-    recording: Recording, torque: FloatArray, problem: Problem, best: Candidate
+    recording: Recording, torque: FloatArray, problem: Problem, best: Candidate, end: int
 ) -> FloatArray:
-    """The model's torque at the samples; its mean, which holds the motor's friction, is the log's."""
-    wave = periodic(best.orbit.torque, problem.compared.order, turn_phases(recording))
-    return np.asarray(torque.mean() + wave)
+    """The model's torque at all samples, up to an end of which it was fitted, with the mean of the log's."""
+    phases = turn_phases(recording, end)
+    return np.asarray(torque.mean() + periodic(best.orbit.torque, problem.compared.order, phases))

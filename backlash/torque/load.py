@@ -137,10 +137,11 @@ def _mean_depth(a, b):
 
 
 @njit
-def _contact_torque(x, v, h, theta, K, D, slope):
-    """The contact torque of a step h, and its slopes by x and x'; `slope` receives those by the first six unknowns.
+def _contact_torque(x, v, w, h, theta, K, D, slope):
+    """The contact torque of a step h, and its slopes by x, x' and w; `slope` receives those by the first six unknowns.
 
-    It is the mean along the straight course from x to x + h x', which makes it smooth in all of them.
+    It is the mean along the straight course from x to x + h x', which makes it smooth in all of them. The damper has
+    the speed in the middle of the step, w - c h / 2, where w is what that would be without contact.
     """
     delta, soft, part, drag = 1e-3 * theta[DELTA], 1e-3 * theta[SOFT], theta[SHARE], theta[DRAG]
     p = p_x = p_v = p_delta = p_soft = p_part = 0.0
@@ -166,24 +167,29 @@ def _contact_torque(x, v, h, theta, K, D, slope):
         p_x += (1 - part) * (mean_a + mean_b)
         p_v += (1 - part) * h * mean_b
         p_soft -= side * (1 - part) * (mean_a + mean_b)
-    dragging = drag * D * v
-    damping = (1 - drag) * D
-    c = K * p + damping * touching * v
-    for k in range(slope.size):
-        slope[k] = 0.0
-    slope[STIFFNESS], slope[DAMPING], slope[DRAG] = 0.5 * dragging, dragging, D * v
-    if touching <= 1 and c * p <= 0:  # teeth do not pull
-        return dragging, 0.0, drag * D
-    damper = damping * touching * v
-    slope[DELTA] = 1e-3 * (K * (p_delta + p_soft) + damping * v * touching_delta)
-    slope[STIFFNESS] += K * p + 0.5 * damper
-    slope[DAMPING] += damper
-    slope[SOFT] = 1e-3 * K * p_soft
-    slope[SHARE] = K * p_part
-    slope[DRAG] -= D * touching * v
-    c_x = K * p_x + damping * v * touching_x
-    c_v = K * p_v + damping * (v * touching_v + touching)
-    return c + dragging, c_x, c_v + drag * D
+    dragging = drag * D
+    damping = dragging + (D - dragging) * touching
+    gain = 1 / (1 + 0.5 * h * damping)
+    c = gain * (K * p + damping * w)
+    middle = w - 0.5 * h * c
+    if touching <= 1 and (c - dragging * middle) * p <= 0:  # teeth do not pull
+        gain = 1 / (1 + 0.5 * h * dragging)
+        middle = gain * w
+        c, c_x, c_v, damping = dragging * middle, 0.0, 0.0, dragging
+        slope[:] = 0.0
+        slope[STIFFNESS] = 0.5 * gain * c
+        slope[DRAG] = gain * D * middle
+    else:
+        spring, damper = gain * K, gain * (D - dragging) * middle
+        c_x = spring * p_x + damper * touching_x
+        c_v = spring * p_v + damper * touching_v
+        slope[DELTA] = 1e-3 * (spring * (p_delta + p_soft) + damper * touching_delta)
+        slope[STIFFNESS] = spring * p + 0.5 * gain * damping * middle
+        slope[SOFT] = 1e-3 * spring * p_soft
+        slope[SHARE] = spring * p_part
+        slope[DRAG] = gain * D * (1 - touching) * middle
+    slope[DAMPING] = gain * damping * middle
+    return c, c_x, c_v, gain * damping
 
 
 @njit
@@ -200,10 +206,11 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
     x, v, loss_gain = state[0], state[1], 1.0
     for i in range(contact.size):
         cosine, sine = forcing[1, i], forcing[2, i]
-        c, c_x, c_v = _contact_torque(x, v, h, theta, K, D, slope)
-        contact[i] = c
         middle = x + 0.5 * h * v
-        v_end = v + h * (forcing[0, i] - cosine * middle - c)
+        w = v + 0.5 * h * (forcing[0, i] - cosine * middle)
+        c, c_x, c_v, c_w = _contact_torque(x, v, w, h, theta, K, D, slope)
+        contact[i] = c
+        v_end = 2 * w - v - h * c
         if columns > 2:
             loss_gain = 1 + theta[LOSS] * c / np.sqrt(c * c + smoothing * smoothing)
             for k in range(6):
@@ -215,8 +222,9 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
             source[2 + LAG] = motion[2, i] + tilt * motion[0, i]
         for k in range(columns):
             x_slope, v_slope = jacobian[0, k], jacobian[1, k]
-            c_k = own[k] + c_x * x_slope + c_v * v_slope
-            v_end_k = v_slope + h * (source[k] - cosine * (x_slope + 0.5 * h * v_slope) - c_k)
+            w_slope = v_slope + 0.5 * h * (source[k] - cosine * (x_slope + 0.5 * h * v_slope))
+            c_k = own[k] + c_x * x_slope + c_v * v_slope + c_w * w_slope
+            v_end_k = 2 * w_slope - v_slope - h * c_k
             jacobian[0, k] = x_slope + 0.5 * h * (v_slope + v_end_k)
             jacobian[1, k] = v_end_k
             waves[k, i] = loss_gain * c_k

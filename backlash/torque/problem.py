@@ -22,7 +22,7 @@ from backlash.torque.unknowns import (
     STIFFNESS,
     TABLE,
 )
-from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics
+from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics, round_down
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -33,7 +33,8 @@ class ComparisonSettings:
 
     driven_hz: float = 300.0  # of the motion that drives the load: five times the fastest ring
     fitted_hz: float = 100.0  # of the torque: beyond, simulated joints' logs hold noise alone
-    step_s: float = 7e-4  # an eighth of a radian of a ring of 30 Hz
+    step_s: float = 1e-3  # a fifth of a radian of a ring of 30 Hz: half of it moves backlashes by half a percent
+    search_step_s: float = 1.4e-3
     most_harmonics: int = 80
     search_harmonics: int = 20  # with few harmonics the misfit has few minima
     least_harmonics: int = 12  # more numbers than unknowns
@@ -50,6 +51,9 @@ class ComparisonSettings:
 
 SETTINGS = ComparisonSettings()
 _SOFT_SD, _BEYOND_SD = SETTINGS.soft_wind_up, SETTINGS.friction_beyond_sd
+# What the comparison is rounded to: shares of the noise's SD and of a coefficient, of which the model errs by more.
+_NOISE_SHARE, _COEFFICIENT_SHARE = 0.25, 2.5e-4
+_FRICTION_DIGITS = 3
 _BESIDE_A_LINE = [1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 1]  # a drift of the turn widens a line
 
 
@@ -67,8 +71,9 @@ class MeasuredTurn(NamedTuple):
 def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
     """Harmonics of the mean turn; Refusal where they cannot tell the backlash."""
     gear_ratio = recording.commanded_speed_rps * recording.turn_period_s
-    speed = harmonics(recording, TURN / gear_ratio * recording.v, SETTINGS.driven_hz)
-    of_torque = harmonics(recording, torque, SETTINGS.driven_hz)
+    of_load = TURN / gear_ratio * recording.v
+    speed = round_below_noise(harmonics(recording, of_load, SETTINGS.driven_hz))
+    of_torque = round_below_noise(harmonics(recording, torque, SETTINGS.driven_hz))
     gravity = abs(of_torque.coefficient[0])
     if gravity < LEAST_GRAVITY * of_torque.sd[0] or torque.mean() < 0:
         significance = gravity / of_torque.sd[0]
@@ -89,8 +94,22 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             f"{SETTINGS.least_harmonics} are needed: sample faster",
             Reason.TOO_SLOWLY_SAMPLED,
         )
-    friction = float(torque.mean() / (2 * gravity))
+    friction = float(round(torque.mean() / (2 * gravity), _FRICTION_DIGITS))
     return MeasuredTurn(speed, of_torque, used, gear_ratio, friction, largest_ripple(speed))
+
+
+def round_below_noise(exact: Harmonics) -> Harmonics:
+    """Harmonics without the digits that say nothing.
+
+    Many minima fit nearly as well, and the last bits of a log, or of another machine, would decide which is found.
+    """
+    error = _NOISE_SHARE * exact.sd
+    unit = round_down(np.maximum(error, _COEFFICIENT_SHARE * np.abs(exact.coefficient)))
+    sd_unit = round_down(_NOISE_SHARE * error)
+    return exact._replace(
+        coefficient=unit * np.round(exact.coefficient / unit),
+        sd=sd_unit * np.round(exact.sd / sd_unit),
+    )
 
 
 def largest_ripple(speed: Harmonics) -> float:
@@ -186,7 +205,7 @@ def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) ->
     c = SETTINGS
     harmonics = c.search_harmonics if is_rough else c.most_harmonics
     model_error = c.search_model_error if is_rough else c.model_error
-    step_s = (1 + is_rough) * c.step_s
+    step_s = c.search_step_s if is_rough else c.step_s
     g, rho = load.gravity_per_s2, load.inertia_ratio
     first = turn.torque.coefficient[0]
     inertial = (1 + rho) * 1j * turn.speed.omega[0] * turn.speed.coefficient[0]

@@ -91,6 +91,8 @@ class SearchSettings:
 
 SETTINGS = SearchSettings()
 _MOST_SIDES = 12  # laws of the prior that are tried for a step
+# Steps are rounded, so that another machine's last bits do not lead a descent elsewhere; chi squared by 1e-5.
+_GRID = 2.0**-17 * FIRST_STEP
 _PER_STEP_2 = FIRST_STEP**-2.0
 
 
@@ -285,6 +287,8 @@ def descend(
         if trials == 0 and length > 1:
             damping *= 4
             continue
+        if length < 1e-5:
+            break
         trials += 1
         start = here.orbit.start + slopes.start @ step[:OF_CONTACT]
         there = evaluate(problem, here.theta + step, start)
@@ -301,7 +305,7 @@ def descend(
             damping, growth = damping * max(1 / 3, 1 - (2 * gain / expected - 1) ** 3), 2.0
             slopes = _differentiate(problem, here)
         else:
-            if length < 1e-5 or expected < 1e-3 * tolerance * here.chi2:
+            if expected < 1e-3 * tolerance * here.chi2:
                 break
             damping, growth = damping * growth, 2 * growth
     return here
@@ -332,7 +336,7 @@ def _find_step(
         is_beyond = side[FRICTION] > most_friction, before[FRICTION] > most_friction
         if is_beyond[0] == is_beyond[1] and ((side > 0) == (before > 0)).all():
             break
-    return step
+    return _GRID * np.round(step / _GRID)
 
 
 def hold_delta(

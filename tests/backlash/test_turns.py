@@ -64,13 +64,33 @@ def test_a_harmonic_s_noise_is_that_of_three_harmonics_to_either_side():
 
 def test_phases_and_waves_begin_where_the_settled_turns_do():
     made = record()
-    phase = turns.turn_phases(made)
-    last = (-4e-3 / 0.4013) % 1
-    assert phase[-1] == pytest.approx(last)
+    phase = turns.turn_phases(made, 1150)
+    assert phase[1150] == 0
+    assert phase[-1] == pytest.approx(49 * 4e-3 / 0.4013 % 1)
     np.testing.assert_allclose(np.diff(phase) % 1, 4e-3 / 0.4013, rtol=1e-9)
     wave = turns.periodic(np.array([0.5j, 0.1]), np.array([1, 7]), phase)
     expected = -np.sin(TURN * phase) + 0.2 * np.cos(7 * TURN * phase)
     np.testing.assert_allclose(wave, expected, atol=5e-3)
+
+
+def test_a_record_ends_where_gravity_last_passes_a_sixteenth_of_a_turn_wherever_it_was_cut():
+    made = record(1200, 0.4013)
+    torque = 3 * np.cos(TURN * (made.t / 0.4013 + 0.03))
+    whole, own = turns.end_by_gravity(made, torque)
+    turned = whole.t[-1] / 0.4013 + 0.03
+    assert abs(16 * turned - round(16 * turned)) < 16 * 2.1e-3 / 0.4013
+    assert whole.t[-1] > made.t[-1] - 0.4013 / 16 - 2.1e-3
+    assert (whole.v.size, own.size) == (whole.t.size, whole.t.size)
+    # A twentieth of a millisecond over the record is what rounding may make of it.
+    assert whole.turn_period_s == pytest.approx(0.4013, rel=5e-5 / made.t[-1])
+    assert whole.turn_period_s * 2**24 % 1 == 0
+    for cut in (1, 3):
+        shorter = replace(made, t=made.t[:-cut], v=made.v[:-cut], turn_period_s=0.4013 + 1e-9)
+        ended, own_of_shorter = turns.end_by_gravity(shorter, torque[:-cut])
+        np.testing.assert_array_equal(own_of_shorter, own)
+        assert ended.turn_period_s == whole.turn_period_s
+        begun = replace(made, t=made.t[:-cut], v=made.v[cut:])
+        assert turns.end_by_gravity(begun, torque[cut:])[1].size == own.size - cut
 
 
 def test_gravity_s_line_is_that_of_each_whole_turn():
