@@ -262,3 +262,14 @@ def test_the_orbit_is_the_one_that_scipy_integrates():
     assert (np.abs(orbit_by_scipy.y[0]) < 1.5e-3).any()  # the teeth part
     assert np.sqrt(np.mean((orbit.contact - expected) ** 2)) < 0.01 * size
     assert orbit_by_scipy.y[0, -1] == pytest.approx(orbit.start[0], abs=5e-5)
+
+
+def test_half_a_step_has_a_third_of_the_error_or_less():
+    """A damper at the step's begin, in place of its middle, has half the error instead."""
+    torques = [
+        driven_load.predict(some_unknowns(), a_comparison(step_s)).torque
+        for step_s in (2e-3, 1e-3, 5e-4, 2.5e-4)
+    ]
+    changes = np.abs(np.diff(torques, axis=0)).max(axis=1)
+    assert changes[0] < 0.01 * np.abs(torques[0]).max()
+    assert (changes[1:] < changes[:-1] / 3).all()
