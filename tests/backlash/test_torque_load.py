@@ -10,12 +10,13 @@ from backlash import turns
 from backlash.load_data import LoadData
 from backlash.torque import load as driven_load
 from backlash.torque.problem import measure_turn, state_problem
-from backlash.torque.search import evaluate, hold_delta
+from backlash.torque.search import descend, evaluate, hold_delta
 from backlash.torque.unknowns import (
     DELAY,
     DELTA,
     DRAG,
     FILTER,
+    FIRST_STEP,
     FRICTION,
     GRAVITY,
     LAG,
@@ -85,6 +86,14 @@ def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
     held = hold_delta(made, evaluate(made, theta), 0.8, np.inf).theta
     assert held[DELTA] == 0.8
     assert (np.delete(held, DELTA) != np.delete(theta, DELTA)).all()
+
+
+def test_a_descent_goes_by_steps_that_no_machine_s_last_bits_change(problem):
+    made, theta = problem
+    end = descend(made, evaluate(made, theta), 1e-3).theta
+    steps = (end - theta) / FIRST_STEP * 2**17
+    assert steps == pytest.approx(np.round(steps), abs=1e-6)
+    assert np.abs(steps).max() > 1e4
 
 
 @pytest.mark.parametrize(("cosine", "is_stable"), [(25.0, True), (-25.0, False)])
