@@ -107,7 +107,7 @@ def round_below_noise(exact: Harmonics) -> Harmonics:
     unit = round_down(np.maximum(error, _COEFFICIENT_SHARE * np.abs(exact.coefficient)))
     sd_unit = round_down(_NOISE_SHARE * error)
     return exact._replace(
-        coefficient=unit * np.round(exact.coefficient / unit),
+        coefficient=np.asarray(unit * np.round(exact.coefficient / unit), dtype=complex),
         sd=sd_unit * np.round(exact.sd / sd_unit),
     )
 
