@@ -5,7 +5,7 @@ colour.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,9 @@ _GRAVITYS_SHARE = 0.5  # of the torque's variance; a joint that turns round has 
 _COMPARED_LINES = 6  # of odd and even turns
 _PHASES = 512
 _PARTS = 16  # of a turn, at one of which a record ends
-_ROUNDED_S = 5e-5  # over the record: a tenth of a sample, by which a rounded period drifts at most
+_ROUNDED_S = (
+    2e-4  # by which rounded periods of sampling and of the turn drift over a record at most
+)
 _RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
 
@@ -85,22 +87,24 @@ def turn_phases(recording: Recording, end: int) -> FloatArray:
 
 
 def end_by_gravity(recording: Recording, torque: FloatArray) -> tuple[Recording, FloatArray]:
-    """The record up to where gravity's line last passes a sixteenth of a turn, with a rounded period; and the torque.
+    """The record up to where gravity's line last passes a sixteenth of a turn, with rounded periods; and the torque.
 
     So a log that begins or ends a sample later has the same mean turn.
     """
-    unit = round_down(_ROUNDED_S * recording.turn_period_s / recording.t[-1])
-    period = float(unit * np.round(recording.turn_period_s / unit))
-    rounded = replace(recording, turn_period_s=period)
-    turned = recording.t[-1] / period + np.angle(gravity_by_turn(rounded, torque).mean()) / TURN
-    beyond_s = turned * _PARTS % 1.0 / _PARTS * period
-    end = recording.t.size - round(beyond_s / recording.sample_s)
-    return replace(rounded, t=recording.t[:end], v=recording.v[:end]), torque[:end]
+    drift = _ROUNDED_S / recording.t[-1]
+    sample_s = float(round_to(recording.sample_s, drift * recording.sample_s))
+    period = float(round_to(recording.turn_period_s, drift * recording.turn_period_s))
+    t = np.arange(torque.size, dtype=float) * sample_s
+    rounded = replace(recording, t=t, turn_period_s=period)
+    turned = t[-1] / period + np.angle(gravity_by_turn(rounded, torque).mean()) / TURN
+    end = torque.size - round(turned * _PARTS % 1.0 / _PARTS * period / sample_s)
+    return replace(rounded, t=t[:end], v=recording.v[:end]), torque[:end]
 
 
-def round_down(size: ArrayLike) -> FloatArray:
-    """The next power of two below, by which a number is divided without an error."""
-    return np.asarray(np.exp2(np.floor(np.log2(np.maximum(size, np.finfo(float).tiny)))))
+def round_to(number: ArrayLike, error: ArrayLike) -> NDArray[Any]:
+    """A number, to the power of two below an error."""
+    unit = np.exp2(np.floor(np.log2(np.maximum(error, np.finfo(float).tiny))))
+    return np.asarray(unit * np.round(number / unit))
 
 
 def periodic(coefficient: ComplexArray, order: NDArray[np.int64], phase: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from backlash.torque.unknowns import (
     STIFFNESS,
     TABLE,
 )
-from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics, round_down
+from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics, round_to, settled_turns
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -51,9 +51,9 @@ class ComparisonSettings:
 
 SETTINGS = ComparisonSettings()
 _SOFT_SD, _BEYOND_SD = SETTINGS.soft_wind_up, SETTINGS.friction_beyond_sd
-# What the comparison is rounded to: shares of the noise's SD and of a coefficient, of which the model errs by more.
-_NOISE_SHARE, _COEFFICIENT_SHARE = 0.25, 2.5e-4
-_FRICTION_DIGITS = 3
+# What the comparison is rounded to: shares of the noise's SD, and of numbers of which the model errs by more.
+_NOISE_SHARE, _SD_SHARE = 0.25, 0.0625
+_COEFFICIENT_SHARE, _RATIO_SHARE, _FRICTION_ERROR = 2.5e-4, 1e-5, 1e-3
 _BESIDE_A_LINE = [1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 1]  # a drift of the turn widens a line
 
 
@@ -71,15 +71,16 @@ class MeasuredTurn(NamedTuple):
 def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
     """Harmonics of the mean turn; Refusal where they cannot tell the backlash."""
     gear_ratio = recording.commanded_speed_rps * recording.turn_period_s
+    gear_ratio = float(round_to(gear_ratio, _RATIO_SHARE * gear_ratio))
     of_load = TURN / gear_ratio * recording.v
     speed = round_below_noise(harmonics(recording, of_load, SETTINGS.driven_hz))
     of_torque = round_below_noise(harmonics(recording, torque, SETTINGS.driven_hz))
-    gravity = abs(of_torque.coefficient[0])
-    if gravity < LEAST_GRAVITY * of_torque.sd[0] or torque.mean() < 0:
+    gravity, mean = abs(of_torque.coefficient[0]), settled_turns(recording, torque).mean()
+    if gravity < LEAST_GRAVITY * of_torque.sd[0] or mean < 0:
         significance = gravity / of_torque.sd[0]
         raise Refusal(
             f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {significance:.1f} SDs "
-            f"({LEAST_GRAVITY:g} are needed), its mean is {torque.mean():.3g}; is it this motor's, "
+            f"({LEAST_GRAVITY:g} are needed), its mean is {mean:.3g}; is it this motor's, "
             "positive where it drives forward, and the axis horizontal?",
             Reason.NO_GRAVITY,
         )
@@ -94,7 +95,7 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             f"{SETTINGS.least_harmonics} are needed: sample faster",
             Reason.TOO_SLOWLY_SAMPLED,
         )
-    friction = float(round(torque.mean() / (2 * gravity), _FRICTION_DIGITS))
+    friction = float(round_to(mean / (2 * gravity), _FRICTION_ERROR))
     return MeasuredTurn(speed, of_torque, used, gear_ratio, friction, largest_ripple(speed))
 
 
@@ -103,13 +104,9 @@ def round_below_noise(exact: Harmonics) -> Harmonics:
 
     Many minima fit nearly as well, and the last bits of a log, or of another machine, would decide which is found.
     """
-    error = _NOISE_SHARE * exact.sd
-    unit = round_down(np.maximum(error, _COEFFICIENT_SHARE * np.abs(exact.coefficient)))
-    sd_unit = round_down(_NOISE_SHARE * error)
-    return exact._replace(
-        coefficient=np.asarray(unit * np.round(exact.coefficient / unit), dtype=complex),
-        sd=sd_unit * np.round(exact.sd / sd_unit),
-    )
+    error = np.maximum(_NOISE_SHARE * exact.sd, _COEFFICIENT_SHARE * np.abs(exact.coefficient))
+    coefficient = round_to(exact.coefficient, error)
+    return exact._replace(coefficient=coefficient, sd=round_to(exact.sd, _SD_SHARE * exact.sd))
 
 
 def largest_ripple(speed: Harmonics) -> float:

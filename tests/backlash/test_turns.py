@@ -81,13 +81,15 @@ def test_a_record_ends_where_gravity_last_passes_a_sixteenth_of_a_turn_wherever_
     assert abs(16 * turned - round(16 * turned)) < 16 * 2.1e-3 / 0.4013
     assert whole.t[-1] > made.t[-1] - 0.4013 / 16 - 2.1e-3
     assert (whole.v.size, own.size) == (whole.t.size, whole.t.size)
-    # A twentieth of a millisecond over the record is what rounding may make of it.
-    assert whole.turn_period_s == pytest.approx(0.4013, rel=5e-5 / made.t[-1])
-    assert whole.turn_period_s * 2**24 % 1 == 0
+    # By rounding periods drift over the record by a fifth of a millisecond at most.
+    for exact, rounded in ((0.4013, whole.turn_period_s), (4e-3, whole.sample_s)):
+        assert rounded == pytest.approx(exact, rel=2e-4 / made.t[-1])
+        assert rounded * 2**30 % 1 == 0
     for cut in (1, 3):
         shorter = replace(made, t=made.t[:-cut], v=made.v[:-cut], turn_period_s=0.4013 + 1e-9)
         ended, own_of_shorter = turns.end_by_gravity(shorter, torque[:-cut])
         np.testing.assert_array_equal(own_of_shorter, own)
+        np.testing.assert_array_equal(ended.t, whole.t)
         assert ended.turn_period_s == whole.turn_period_s
         begun = replace(made, t=made.t[:-cut], v=made.v[cut:])
         assert turns.end_by_gravity(begun, torque[cut:])[1].size == own.size - cut
