@@ -53,6 +53,7 @@ class SearchSettings:
     starts_mrad: tuple[float, ...] = (0.0, 0.05, 0.15, 0.3, 0.5, 0.8, 1.2, 1.7, 2.4)
     rings_hz: tuple[float, float] = (10.0, 60.0)  # industrial joints: 8 to 60 Hz
     start_rings: int = 7
+    start_damping: float = 0.15  # more than joints have: with fewer bounces valleys are wider
     start_frictions: tuple[float, ...] = (0.02, 0.25, 0.5, 0.75, 0.95)  # of all friction
     first_starts: int = 16
     usual_misfit: float = 1.6
@@ -161,10 +162,10 @@ def rank_starts(rough: Problem) -> tuple[list[Candidate], list[Candidate]]:
 
 
 def place_each(problem: Problem, delta_mrad: float, rings: FloatArray) -> list[list[Candidate]]:
-    """The usual joint but for a gap, each ring and each of some frictions; orbits are looked for from those beside."""
+    """The usual joint but for gap, damping, ring and friction; each orbit is looked for from the one beside it."""
     placed: list[list[Candidate]] = []
     theta = problem.prior.mean.copy()
-    theta[DELTA] = delta_mrad
+    theta[DELTA], theta[DAMPING] = delta_mrad, math.log(SETTINGS.start_damping)
     frictions = np.array(SETTINGS.start_frictions) * min(problem.prior.most_friction, 0.9)
     for ring in rings:
         theta[STIFFNESS] = ring
