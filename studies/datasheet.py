@@ -168,7 +168,8 @@ def write_page(sheet: DataFrame, engine: DataFrame) -> str:
         "# The sensor's datasheet",
         "",
         f"Simulated joints, drawn once by other code than the sensor's; seed ({SEED}) and numbers of logs were fixed "
-        f"before, the sensor's limits on logs of other seeds; an earlier draw ({EARLIER_SEED}) had led to a change. "
+        f"before, the sensor's limits on logs of other seeds; an earlier draw ({EARLIER_SEED}) had led to a change, "
+        "and MuJoCo's logs to another. "
         "Rings of 12 to 50 Hz, half plays of 0.2 to 2 mrad or "
         "none, gears of 50 to 160, 333 to 1000 Hz, twelve turns, load data off by 10 and 5 % (SD). In all, with 95 % "
         "intervals: answered "
