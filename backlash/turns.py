@@ -30,9 +30,8 @@ _GRAVITYS_SHARE = 0.5  # of the torque's variance; a joint that turns round has 
 _COMPARED_LINES = 6  # of odd and even turns
 _PHASES = 512
 _PARTS = 16  # of a turn, at one of which a record ends
-_ROUNDED_S = (
-    2e-4  # by which rounded periods of sampling and of the turn drift over a record at most
-)
+# By which rounded periods, of sampling and of the turn, drift over a record at most: a twelfth of what blurs a ring.
+_ROUNDED_S = 2e-4
 _RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
 

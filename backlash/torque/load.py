@@ -169,26 +169,28 @@ def _contact_torque(x, v, w, h, theta, K, D, slope):
         p_soft -= side * (1 - part) * (mean_a + mean_b)
     dragging = drag * D
     damping = dragging + (D - dragging) * touching
+    # c = K p + damping (w - c h / 2), solved for c.
     gain = 1 / (1 + 0.5 * h * damping)
     c = gain * (K * p + damping * w)
-    middle = w - 0.5 * h * c
-    if touching <= 1 and (c - dragging * middle) * p <= 0:  # teeth do not pull
+    v_mid = w - 0.5 * h * c
+    if touching <= 1 and (c - dragging * v_mid) * p <= 0:  # teeth do not pull
         gain = 1 / (1 + 0.5 * h * dragging)
-        middle = gain * w
-        c, c_x, c_v, damping = dragging * middle, 0.0, 0.0, dragging
+        v_mid = gain * w
+        c, damping = dragging * v_mid, dragging
+        c_x = c_v = 0.0
         slope[:] = 0.0
         slope[STIFFNESS] = 0.5 * gain * c
-        slope[DRAG] = gain * D * middle
+        slope[DRAG] = gain * D * v_mid
     else:
-        spring, damper = gain * K, gain * (D - dragging) * middle
+        spring, damper = gain * K, gain * (D - dragging) * v_mid
         c_x = spring * p_x + damper * touching_x
         c_v = spring * p_v + damper * touching_v
         slope[DELTA] = 1e-3 * (spring * (p_delta + p_soft) + damper * touching_delta)
-        slope[STIFFNESS] = spring * p + 0.5 * gain * damping * middle
+        slope[STIFFNESS] = spring * p + 0.5 * gain * damping * v_mid
         slope[SOFT] = 1e-3 * spring * p_soft
         slope[SHARE] = spring * p_part
-        slope[DRAG] = gain * D * (1 - touching) * middle
-    slope[DAMPING] = gain * damping * middle
+        slope[DRAG] = gain * D * (1 - touching) * v_mid
+    slope[DAMPING] = gain * damping * v_mid
     return c, c_x, c_v, gain * damping
 
 

@@ -33,8 +33,9 @@ class ComparisonSettings:
 
     driven_hz: float = 300.0  # of the motion that drives the load: five times the fastest ring
     fitted_hz: float = 100.0  # of the torque: beyond, simulated joints' logs hold noise alone
-    step_s: float = 1e-3  # a fifth of a radian of a ring of 30 Hz: half of it moves backlashes by half a percent
-    search_step_s: float = 1.4e-3
+    # A fifth of a radian of a ring of 30 Hz; a third of it moves nine of ten backlashes by less than 0.7 %.
+    step_s: float = 1e-3
+    search_step_s: float = 1.4e-3  # where the model may err by more
     most_harmonics: int = 80
     search_harmonics: int = 20  # with few harmonics the misfit has few minima
     least_harmonics: int = 12  # more numbers than unknowns
@@ -51,9 +52,12 @@ class ComparisonSettings:
 
 SETTINGS = ComparisonSettings()
 _SOFT_SD, _BEYOND_SD = SETTINGS.soft_wind_up, SETTINGS.friction_beyond_sd
-# What the comparison is rounded to: shares of the noise's SD, and of numbers of which the model errs by more.
-_NOISE_SHARE, _SD_SHARE = 0.25, 0.0625
-_COEFFICIENT_SHARE, _RATIO_SHARE, _FRICTION_ERROR = 2.5e-4, 1e-5, 1e-3
+# What the comparison is rounded to: of a harmonic a share of its noise's SD, which moves chi squared by about one, or
+# of itself, a hundredth of the model's error; of an SD as much as some hundred numbers tell of it.
+_NOISE_SHARE, _COEFFICIENT_SHARE = 0.25, 2.5e-4
+_SD_SHARE = 0.0625
+_RATIO_SHARE = 1e-5  # of the gear's, to which the turn's period gives it
+_FRICTION_ERROR = 1e-3  # over gravity
 _BESIDE_A_LINE = [1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 1]  # a drift of the turn widens a line
 
 

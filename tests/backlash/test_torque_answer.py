@@ -243,6 +243,7 @@ def test_three_of_four_joints_are_answered_and_no_answer_is_wrong():
 
 
 KNOWN = (9.8633121466e-4, 1.1764009456)  # backlash [rad] and chi squared
+KNOWN_INERTIA = 0.0040628029978  # J_m, in the log's unit
 SAME = {
     "as it is": lambda t, v, torque: (t, v, torque),
     "its last bits": lambda t, v, torque: ((1 + 1e-9) * t, (1 - 1e-9) * v, (1 + 1e-9) * torque),
@@ -258,6 +259,8 @@ def test_the_answer_of_a_known_log_is_the_known_one_to_1e_9_however_it_is_writte
     t, v, torque = SAME[how](plain.t, plain.v, plain.torque)
     estimate = answer(plain._replace(t=t, v=v, torque=torque))
     assert (estimate.backlash_rad, estimate.chi_squared) == pytest.approx(KNOWN, rel=1e-9)
+    inertia = KNOWN_INERTIA * (64 if how == "another unit" else 1)
+    assert estimate.joint["motor_inertia"][0] == pytest.approx(inertia, rel=1e-8)
 
 
 @pytest.mark.slow
