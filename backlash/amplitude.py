@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from backlash.turns import settled_turns, turn_phases
+from replication.best_fit import best_fit
 from replication.records import Recording
 from replication.signature import FloatArray, Timing, h
-from replication.table2 import NOTEBOOK, best_fit
+from replication.table2 import NOTEBOOK
 
 _REPEATED = 3  # turns that the fit sees: the window begins anywhere in the first
 _LONGEST_WINDOW = 0.51  # of the turn: 0.204 s of 0.4 s, Table 1

@@ -7,10 +7,10 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
+from replication.identification import FIT_LEVELS, identify_joint
 
 import workbook
 from replication import figures, table2
-from replication.identification import FIT_LEVELS, identify_joint
 from replication.joint import (
     allowed_factors,
     change,
@@ -98,7 +98,44 @@ with workbook.explain("changes", changes):
 T_f, v_t = joint.turn_period, joint.Omega / (2 * np.pi)
 compared = np.allclose([v_t, T_f], [100, 0.4])
 
+
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+@figures.in_style
+def draw_simulated_joint(time_s, signals):
+    heights = []
+    for *_, other in signals:
+        heights += [1.0] if other is None else [1.0, 0.5]
+    figure, axes = figures.grid(
+        len(heights),
+        1,
+        height_in=0.6 + 1.25 * sum(heights),
+        sharex=True,
+        height_ratios=heights,
+    )
+    panels = iter(axes[:, 0])
+    for label, simulated, other in signals:
+        axis = next(panels)
+        if other is not None:
+            axis.plot(time_s, other, label="authors' record", **figures.LOG)
+            below = next(panels)
+            below.axhline(0, **figures.THIN)
+            below.plot(
+                time_s,
+                simulated - other,
+                label="the difference",
+                **figures.RESIDUAL,
+            )
+            below.set_ylabel("[" + label.rpartition("[")[2])
+            figures.centre(below)
+        axis.plot(time_s, simulated, label="simulated joint", **figures.FIT)
+        axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
+        if simulated.min() < 0 < simulated.max():
+            figures.centre(axis)
+    axes[-1, 0].set(xlabel="time $t$ [s]")
+    figure.align_ylabels()
+    return figures.finish(figure, 2, "outside upper center")
+
+
 delta = level_delta_rad(level)
 run = fine[delta]
 shown = np.arange(round(2 * T_f / 5e-5), round(4 * T_f / 5e-5), 40)
@@ -113,7 +150,7 @@ signals = [
 ]
 workbook.show_figure(
     "figure10_simulator",
-    figures.simulated_joint(run.t[shown], signals),
+    draw_simulated_joint(run.t[shown], signals),
     f"Two settled turns of our joint at level {level}, a backlash of "
     f"{1e3 * delta:g} mrad: motor position less the commanded one, motor speed"
     f"{', its difference from the record' if compared else ''}, motor torque, and "

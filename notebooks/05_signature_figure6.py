@@ -178,12 +178,27 @@ def residual_signal(X, n=12):  # equation 11, less the signature
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+@figures.in_style
+def draw_record_with_fit(t, v, fitted, labels, seconds):
+    figure, ((upper,), (lower,)) = figures.grid(
+        2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1)
+    )
+    upper.plot(t, v, label=labels[0], **figures.LOG)
+    upper.plot(t, fitted, label=labels[1], **figures.FIT)
+    upper.set(ylabel="motor speed $v$ [rps]", xlim=(t[0], t[0] + seconds))
+    lower.axhline(0, **figures.THIN)
+    lower.plot(t, v - fitted, **figures.RESIDUAL)
+    lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
+    figures.centre(lower)
+    return figures.finish(figure, 2)
+
+
 residual = residual_signal(X)
 at = record.t[np.abs(residual).argmax()]
 settled = np.abs(residual[200:])
 workbook.show_figure(
     "figure05_record12_with_signature",
-    figures.record_with_fit(
+    draw_record_with_fit(
         record.t,
         record.v,
         record.v - residual,

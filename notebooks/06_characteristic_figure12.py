@@ -145,14 +145,45 @@ simulated = [
 peaks = np.array([joint.settled_peak(each, changed) for each in simulated])
 ours, ours_rmse = fit_polynomial(60 * peaks, delta, degree)
 
+
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+@figures.in_style
+def draw_characteristic(curves, points, residuals):
+    figure, ((upper,), (lower,)) = figures.grid(
+        2, 1, height_in=4.6, sharex=True, height_ratios=(2, 1)
+    )
+    looks = (
+        {"color": figures.INK, "linestyle": "-"},
+        {"color": figures.BLUE, "linestyle": "--"},
+    )
+    for (label, (A, delta)), look in zip(curves.items(), looks, strict=False):
+        upper.plot(A, figures.MRAD * delta, label=label, linewidth=1.0, **look)
+    marks = (
+        figures.PRINTED,
+        {"color": figures.BLUE, "marker": "s", "linestyle": "none", "mfc": "none"},
+    )
+    for (label, (A, delta)), mark in zip(points.items(), marks, strict=False):
+        upper.plot(A, figures.MRAD * delta, label=label, **mark)
+    marks = (
+        figures.PRINTED | {"marker": "o", "mfc": "none", "mew": 1.0},
+        figures.RESIDUAL | {"linestyle": "--"},
+    )
+    for (label, (A, residual)), mark in zip(residuals.items(), marks, strict=False):
+        lower.plot(A, figures.MRAD * residual, label=label, **mark)
+    lower.axhline(0, **figures.THIN)
+    lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
+    figures.centre(lower)
+    upper.set(ylabel=figures.BACKLASH_LABEL)
+    return figures.finish(figure, 1)
+
+
 A_rps = np.linspace(theoretical.min(), theoretical.max(), 400)
 by_ours, by_print = polynomial(60 * A_rps, ours), polynomial(60 * A_rps, printed)
 apart = np.abs(by_ours - by_print).max()
 off_percent = 100 * np.abs(peaks / theoretical - 1).max()
 workbook.show_figure(
     "figure12_characteristic",
-    figures.characteristic(
+    draw_characteristic(
         {
             "equation 10, printed": (A_rps, by_print),
             f"degree {degree} through our peaks": (A_rps, by_ours),

@@ -86,7 +86,40 @@ two = Box(np.array([0.0, 2 * np.pi]), np.array([0.4, 2 * np.pi * 40]))
 steps = cmaes.generations(misfits_of_two, two, seed=seeds[0], population=12)
 watched = list(islice(steps, 25))
 
+
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+@figures.in_style
+def draw_search_map(t0, omega, misfits, members, best):
+    figure, axes = figures.grid(2, 2, height_in=4.4, sharex=True, sharey=True)
+    for axis, (generation, drawn) in zip(axes.flat, members.items(), strict=False):
+        shades = axis.contourf(t0, omega, misfits, 20, cmap="Greys_r")
+        axis.plot(
+            *drawn.T, "o", color="white", mec=figures.INK, mew=0.6, label="members"
+        )
+        axis.plot(
+            *best,
+            "X",
+            color=figures.BLUE,
+            mec="white",
+            mew=0.6,
+            markersize=9,
+            label="best fit",
+        )
+        axis.set(
+            title=f"generation {generation}",
+            xlim=(t0[0], t0[-1]),
+            ylim=(omega[0], omega[-1]),
+        )
+    for axis in axes[-1]:
+        axis.set(xlabel="start $t_0$ [s]")
+    for axis in axes[:, 0]:
+        axis.set(ylabel="$\\omega$ [rad/s]")
+    figure.colorbar(
+        shades, ax=axes, location="top", aspect=40, label="misfit [rps]"
+    )
+    return figures.finish(figure, 2)
+
+
 t0, omega = (np.linspace(*ends, 100) for ends in zip(*two, strict=True))
 grid = np.stack(np.meshgrid(t0, omega), axis=-1)
 height = misfits_of_two(grid.reshape(-1, 2)).reshape(grid.shape[:2])
@@ -107,7 +140,7 @@ if abs(away) > half_period / 2 or not 0.8 < times < 1.25:
     )
 workbook.show_figure(
     "search_two_parameters",
-    figures.search_map(t0, omega, height, drawn, deepest),
+    draw_search_map(t0, omega, height, drawn, deepest),
     "Members (white) on the map of the misfit; the cross is the best fit of all "
     f"seven parameters. The search goes {where}. It ends at "
     f"{last.misfits.min():.3f} rps, the best fit has {best.rmse:.3f}.",

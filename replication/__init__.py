@@ -1,56 +1,38 @@
-"""A reproducible workbook of "A virtual sensor for backlash in robotic manipulators": the paper."""
+"""The paper, "A virtual sensor for backlash in robotic manipulators": read its files beside it, in this order."""
 
-import ctypes
-import sys
-import warnings
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+READING_ORDER = (
+    "published",  # every printed number; `data` has them
+    "signature",  # the model of a record, and Table 1
+    "misfit",  # its cost, compiled
+    "cmaes",  # the search
+    "joint",  # the simulator
+    "records",  # records and their noise
+    "table2",  # thirty runs on a record, and the table
+    "characteristic",  # from the amplitude to the backlash
+)
+# What the paper does not have: how files are read and written, numba, the look of figures, and the least misfit of all,
+# to which the search is held.
+NOT_OF_THE_PAPER = ("files", "compilation", "figures", "best_fit")
 
-from replication.files import UserError
-
-
-def njit(function: Callable, fastmath: set[str] | bool = False) -> Any:
-    """Compile a function; its machine code is kept where a folder for it can be written."""
-    try:
-        with warnings.catch_warnings():
-            # A setting that it cannot read it leaves, and prints a traceback.
-            warnings.filterwarnings("error", "Environment variable", RuntimeWarning)
-            import numba  # slow, and not every command computes
-    except Exception as error:  # whatever a setting of the user's makes it raise
-        why = " ".join(str(error).partition("The parse failed")[0].split())
-        where = "the variables NUMBA_... and the file .numba_config.yaml"
-        raise UserError(f"numba does not start: {why}; see {where}") from error
-    try:
-        return numba.njit(cache=True, nogil=True, fastmath=fastmath)(function)
-    except RuntimeError:  # no folder for the cache
-        return numba.njit(nogil=True, fastmath=fastmath)(function)
-
-
-def njit_sums(function: Callable) -> Any:
-    """Compile sums whose terms may be added in any order, so several at once."""
-    return njit(function, {"reassoc", "contract", "nsz"})
-
-
-def has_avx2() -> bool:
-    """Whether this processor is known to have AVX2, as those of x86-64 do since 2013, but for the smallest."""
-    if sys.platform == "win32":
-        return bool(ctypes.windll.kernel32.IsProcessorFeaturePresent(40))
-    about = Path("/proc/cpuinfo")
-    return about.exists() and " avx2 " in about.read_text()
-
-
-def pinned_environment() -> dict[str, str]:
-    """Environment variables, set before the libraries are imported, under which results are the same to the last bit.
-
-    CMA-ES is chaotic, so its runs show the last bit. On x86-64 they are the same on every processor with AVX2.
-    """
-    if not has_avx2():
-        return {"OPENBLAS_NUM_THREADS": "1", "NUMBA_CPU_NAME": "generic"}
-    return {
-        "OPENBLAS_NUM_THREADS": "1",
-        "OPENBLAS_CORETYPE": "Haswell",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
-        "NUMBA_CPU_NAME": "haswell",
-        "NUMBA_CPU_FEATURES": "+sse,+sse2,+sse3,+ssse3,+sse4.1,+sse4.2,+popcnt,+avx,+avx2,+fma,+bmi,+bmi2,+lzcnt",
-    }
+# Where each equation stands. Equations 1 to 4 are 5 to 7 in absolute times, and contradict them as printed.
+EQUATIONS = {
+    1: "signature.d_b",
+    2: "signature.f",
+    3: "signature.h",
+    4: "signature.h",
+    5: "signature.d_b",
+    6: "signature.f",
+    7: "signature.h",
+    8: "joint.K_BL",
+    9: "joint.tau_l",
+    10: "characteristic.equation_10",
+    11: "signature.disturbance",
+    12: "cmaes.sample",
+    13: "cmaes.update",
+    14: "cmaes.update",
+    15: "cmaes.update",
+    16: "cmaes.update",
+    17: "cmaes.update",
+    18: "records.add_noise",
+    19: "records.draw_noise",
+}

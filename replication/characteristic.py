@@ -1,7 +1,8 @@
-"""The virtual sensor's static characteristic, equation 10: from amplitude A to backlash delta."""
+"""The virtual sensor's static characteristic, equation 10, and what follows from the printed numbers by it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,9 @@ from numpy.polynomial import Polynomial
 
 from replication import published
 from replication.records import RPM_PER_RPS
-from replication.signature import FloatArray
+from replication.signature import TURN, FloatArray
+
+DEGREE = 3
 
 
 def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:
@@ -30,9 +33,9 @@ class Characteristic:
 
     coefficients: FloatArray  # [rad/rpm^k], shape (degree + 1,), from the constant upwards
 
-    def backlash_rad(self, amplitude_rps: FloatArray | float) -> FloatArray | float:
-        """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm."""
-        return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))
+    def backlash_rad(self, amplitude_rps: FloatArray | float) -> FloatArray:
+        """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm (erratum E1)."""
+        return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))  # equation 10
 
     def amplitude_rps(self, delta_rad: float) -> float:
         """Smallest positive amplitude A [rps] at which delta(A) rises through a backlash.
@@ -50,7 +53,11 @@ class Characteristic:
 
 def equation_10() -> Characteristic:
     """Equation 10 with its printed coefficients."""
-    return Characteristic(1e-6 * np.array([published.value(f"equation10.A{k}") for k in range(4)]))
+    printed = [published.value(f"equation10.A{power}") for power in range(DEGREE + 1)]
+    return Characteristic(1e-6 * np.array(printed))
+
+
+# ------------------------------------------------------------------------- what follows from printed numbers
 
 
 def printed_levels_rad() -> FloatArray:
@@ -59,11 +66,35 @@ def printed_levels_rad() -> FloatArray:
     return first + step * np.arange(published.value("text.levels"))
 
 
+def encoder_step_rad() -> float:
+    """Step of the encoder [rad], from the number of bits that the text prints."""
+    return float(TURN / 2 ** published.value("text.encoder_bits"))
+
+
+def relative_error_percent(mean: Any, true: Any) -> Any:
+    """Relative error of means of A, as Tables 2 and 3 have it [%]: an array, a series or a frame, as `mean` is."""
+    return 100 * np.abs(mean / true - 1)
+
+
+def printed_rows() -> pd.DataFrame:
+    """Table 2's ten rows with backlash, by their number, as printed.
+
+    Columns `delta_rad, theoretical, noise, mean` [rps], the relative error of the mean, `error_percent`, and its error
+    by equation 10, `error_rad`.
+    """
+    delta = printed_levels_rad()
+    columns = ("theoretical", "noise", "mean")
+    rows = pd.DataFrame({name: published.column("Table 2", name)[: delta.size] for name in columns})
+    rows.insert(0, "delta_rad", delta)
+    rows["error_percent"] = relative_error_percent(rows["mean"], rows["theoretical"])
+    rows["error_rad"] = np.abs(equation_10().backlash_rad(rows["mean"]) - delta)
+    return rows.set_index(pd.RangeIndex(1, delta.size + 1, name="row"))
+
+
 def known_amplitude_rps(delta_rad: float) -> float:
     """Theoretical A [rps] of a backlash, interpolated in Table 2, as Table 3's known A are."""
-    levels = printed_levels_rad()
-    theoretical = published.column("Table 2", "theoretical")[: levels.size]
-    return float(np.interp(delta_rad, levels, theoretical))
+    rows = printed_rows()
+    return float(np.interp(delta_rad, rows["delta_rad"], rows["theoretical"]))
 
 
 def table_arithmetic() -> pd.DataFrame:
@@ -81,8 +112,40 @@ def table_arithmetic() -> pd.DataFrame:
         true = values[reference]
         table = {
             "printed_percent": values["relative_error"],
-            "relative_error_percent": 100 * abs(values["mean"] - true) / true,
+            "relative_error_percent": relative_error_percent(values["mean"], true),
             "rounding_percent": 100 * digits["mean"] / true + digits["relative_error"],
         }
         tables.append(pd.DataFrame(table).reset_index())
     return pd.concat(tables, ignore_index=True)
+
+
+def numbers_of_the_text() -> dict[str, float]:
+    """Compute numbers that the text says in passing, which follow from the tables and equation 10, by their names."""
+    rows = printed_rows()
+    levels = equation_10().backlash_rad(rows["theoretical"].to_numpy())
+    bounded = {*published.cells("Table 1")["row"]}
+    numbers = {
+        "error_rad_small": rows["error_rad"].iloc[0],
+        "error_rad_large": rows["error_rad"].max(),
+        "levels": np.count_nonzero(published.column("Table 2", "theoretical")),
+        "delta_min": levels[0],
+        "delta_max": levels[-1],
+        "delta_step": np.diff(levels).mean(),
+        "encoder_step": encoder_step_rad(),
+        "error_limit_percent": published.column("Table 2", "relative_error").max(),
+        "figure11_signals": len(rows),
+        "figure12_points": count_points(rows),
+        "parameters": len(bounded - {"v_t", "T_d"}),  # commanded (equation 11), half of T_f
+    }
+    return {name: float(number) for name, number in numbers.items()}
+
+
+def count_points(rows: pd.DataFrame) -> float:
+    """Count the `printed_rows`, from the first one, whose cubic has equation 10's printed coefficients; nan if none."""
+    printed = 1e6 * equation_10().coefficients[::-1]
+    for count in range(DEGREE + 2, len(rows) + 1):
+        points = rows[:count]
+        fitted = 1e6 * np.polyfit(RPM_PER_RPS * points["theoretical"], points["delta_rad"], DEGREE)
+        if np.abs(fitted - printed).max() <= published.tolerance("equation10.A0"):
+            return count
+    return np.nan

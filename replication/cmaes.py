@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from replication import njit
+from replication.compilation import njit
 from replication.signature import Box, FloatArray
 
 # Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns, whose signs are free.
@@ -80,6 +80,31 @@ class State(NamedTuple):
     p_c: FloatArray
 
 
+def sample(
+    state: State, z: FloatArray, B: FloatArray, D: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Equation 12: members of the next generation, drawn from N(m, sigma^2 C) with C = B D^2 B'.
+
+    Parameters
+    ----------
+    state : State
+    z : array of shape (population, n)
+        Standard normal numbers.
+    B : array of shape (n, n)
+        Axes of C in columns.
+    D : array of shape (n,)
+        Their lengths.
+
+    Returns
+    -------
+    x, y : arrays of shape (population, n)
+        The members, unbounded, and their steps (x - m) / sigma.
+    """
+    y = z @ (B * D).T
+    x = state.m + state.sigma * y  # equation 12
+    return x, y
+
+
 @njit
 def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constants) -> State:
     """Equations 13 to 17: the next distribution.
@@ -120,10 +145,9 @@ def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constan
     for i in range(c.mu, w.size):
         w[i] *= n / (np.sqrt(z[i] @ z[i]) + 1e-9) ** 2
     delta = (1 - h_sigma) * c.c_c * (2 - c.c_c)  # the paper's delta(h_sigma)
-    # equation 17
-    C = (1 - c.c_1 - c.c_mu * c.weights.sum()) * state.C
-    C += c.c_1 * (p_c[:, None] * p_c + delta * state.C)
-    C += c.c_mu * (w * y.T) @ y
+    C = (1 - c.c_1 - c.c_mu * c.weights.sum()) * state.C  # equation 17, first term
+    C += c.c_1 * (p_c[:, None] * p_c + delta * state.C)  # equation 17, second term
+    C += c.c_mu * (w * y.T) @ y  # equation 17, third term
     return State(state.g + 1, m, sigma, C, p_sigma, p_c)
 
 
@@ -191,19 +215,19 @@ def generations(
         raise ValueError("the box is empty: each lower bound must lie below its upper one")
     if population < 4 or seed <= 0:
         raise ValueError(f"population {population}, seed {seed}: at least 4 and 1 are needed")
-    n, unit = width.size, width / 4
+    n = width.size
+    unit = width / 4
     normals = normals or Normals(seed, population, n)
     c = constants(population, n)
     C = np.diag(np.exp(1e-4 * np.arange(n) / n))  # nearly the identity, with an order
-    m = from_box((box.lower + box.upper) / 2, box) / unit
+    m = (box.lower + box.upper) / 2 / unit
     state = State(0, m, 1.0, C, np.zeros(n), np.zeros(n))
     bounds = (*box, *margins(box))
     while True:
         squares, B = eigen((state.C + state.C.T) / 2)
         D = np.sqrt(np.maximum(squares, 1e-15 * squares[-1]))  # rounding may leave a square below 0
         z = normals.of(state.g)
-        y = z @ (B * D).T
-        x = state.m + state.sigma * y  # equation 12
+        x, y = sample(state, z, B, D)  # equation 12
         members = _into_box(x * unit, *bounds)
         costs = misfits(members)
         if costs.shape != (population,) or not np.isfinite(costs).all():
@@ -278,12 +302,3 @@ def _into_box(x, lower, upper, at_lower, at_upper):
                 value = upper[i] - (value - last) ** 2 / (4 * at_upper[i])
             members[p, i] = value
     return members
-
-
-def from_box(point: FloatArray, box: Box) -> FloatArray:
-    """The unbounded sample that `into_box` maps to a point, shape (n,)."""
-    (lower, upper), (at_lower, at_upper) = box, margins(box)
-    near_lower = lower - at_lower + 2 * np.sqrt(at_lower * (point - lower))
-    near_upper = upper + at_upper - 2 * np.sqrt(at_upper * (upper - point))
-    inside = np.where(point > upper - at_upper, near_upper, point)
-    return np.where(point < lower + at_lower, near_lower, inside)

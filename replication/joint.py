@@ -21,12 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from replication import njit
+from replication.compilation import njit
 from replication.files import read_committed
-from replication.signature import FloatArray
+from replication.signature import TURN, FloatArray
 
 GRAVITY = 9.80665
-TURN = 2 * np.pi
 LOAD_KG = 5.0  # the text's; a motor's speed tells ratios only: the load sets the scale of torques
 
 
@@ -203,7 +202,7 @@ def K_BL(x, delta, K_s, alpha):
 
 @njit
 def tau_l(x, rate, delta, side, joint):
-    """Torque on the load, equation 9, or that of the clamped dead zone, which never pulls.
+    """Torque on the load, equation 9.
 
     Parameters
     ----------
@@ -212,20 +211,24 @@ def tau_l(x, rate, delta, side, joint):
     delta : float
         Half the gap [rad].
     side : int
-        sign(x), and 0 inside the gap of the clamped dead zone. The integrator takes each step on one side.
+        sign(x). The integrator takes each step on one side.
     joint : Joint
-        Gives K_s, D_s, alpha and clamped.
+        Gives K_s, D_s and alpha.
 
     Returns
     -------
     float
         Torque [N m].
     """
-    if joint.clamped:
-        push = side * (joint.K_s * (x - side * delta) + joint.D_s * rate)
-        return side * max(push, 0.0)
     stiffness = K_BL(x, delta, joint.K_s, joint.alpha)
     return (x - delta * side + joint.D_s / joint.K_s * rate) * stiffness  # equation 9
+
+
+@njit
+def clamped_torque(x, rate, delta, side, joint):
+    """Torque of the clamped dead zone, which never pulls: as `tau_l`, but `side` is 0 inside the gap."""
+    push = side * (joint.K_s * (x - side * delta) + joint.D_s * rate)
+    return side * max(push, 0.0)
 
 
 @njit
@@ -235,7 +238,7 @@ def disturb(t, theta_m, Omega, waves):
         return 0.0, 0.0
     on_motor = on_load = 0.0
     for k in range(len(waves)):
-        order, phase, motor, load = waves[k, 0], waves[k, 1], waves[k, 2], waves[k, 3]
+        order, phase, motor, load = waves[k]
         if motor != 0:
             on_motor += motor * np.sin(order * (Omega * t + theta_m) + phase)
         if load != 0:
@@ -243,13 +246,32 @@ def disturb(t, theta_m, Omega, waves):
     return on_motor, on_load
 
 
+class Held(NamedTuple):
+    """What stays in a step of the integrator."""
+
+    command: float  # the drive's torque
+    delta: float  # half the gap
+    side: int  # of the contact, see `tau_l`
+
+
 @njit
-def rates(t, y, command, delta, side, j):
+def coupling_torque(x, rate, held, j):
+    """Torque on the load: of the clamped dead zone, or equation 9."""
+    if j.clamped:
+        return clamped_torque(x, rate, held.delta, held.side, j)
+    return tau_l(x, rate, held.delta, held.side, j)
+
+
+@njit
+def rates(t, y, held, j):
     """Rates of y: position and speed of motor and load, as deviations from the commanded motion; motor torque."""
     theta_m, omega_m, theta_l, omega_l, torque = y
-    driving = torque if j.torque_lag > 0 else command
-    motor, load = j.Omega + omega_m, j.Omega / j.N + omega_l
-    tau = tau_l(theta_m / j.N - theta_l, omega_m / j.N - omega_l, delta, side, j)
+    driving = torque if j.torque_lag > 0 else held.command
+    motor = j.Omega + omega_m
+    load = j.Omega / j.N + omega_l
+    x = theta_m / j.N - theta_l
+    rate = omega_m / j.N - omega_l
+    tau = coupling_torque(x, rate, held, j)
     gravity = j.G * np.sin(j.start_angle + j.Omega / j.N * t + theta_l)
     motor_friction = j.motor_viscous * motor + j.motor_coulomb * np.sign(motor)
     load_friction = j.load_viscous * load + j.load_coulomb * np.sign(load)
@@ -259,7 +281,7 @@ def rates(t, y, command, delta, side, j):
         (driving - tau / j.N - motor_friction + ripple) / j.J_m,
         omega_l,
         (tau - gravity - load_friction + push) / j.J_l,
-        (command - torque) / j.torque_lag if j.torque_lag > 0 else 0.0,
+        (held.command - torque) / j.torque_lag if j.torque_lag > 0 else 0.0,
     )
 
 
@@ -285,6 +307,8 @@ def drive(t, y, memory, pending, k, j):
 
 # --------------------------------------------------------------------------------------------- integrator
 
+MOST_CROSSINGS = 16  # of edges, in one step
+
 
 @njit
 def advance(y, h, k):
@@ -293,28 +317,30 @@ def advance(y, h, k):
 
 
 @njit
-def runge_kutta(t, y, h, command, delta, side, j):
+def runge_kutta(t, y, h, held, j):
     """One classical step of fourth order."""
-    k1 = rates(t, y, command, delta, side, j)
-    k2 = rates(t + h / 2, advance(y, h / 2, k1), command, delta, side, j)
-    k3 = rates(t + h / 2, advance(y, h / 2, k2), command, delta, side, j)
-    k4 = rates(t + h, advance(y, h, k3), command, delta, side, j)
+    k1 = rates(t, y, held, j)
+    k2 = rates(t + h / 2, advance(y, h / 2, k1), held, j)
+    k3 = rates(t + h / 2, advance(y, h / 2, k2), held, j)
+    k4 = rates(t + h, advance(y, h, k3), held, j)
     return advance(advance(advance(advance(y, h / 6, k1), h / 3, k2), h / 3, k3), h / 6, k4)
 
 
 @njit
-def reach_edge(t, y, h, end, edge, command, delta, side, j):
+def reach_edge(t, y, h, end, edge, held, j):
     """Time into a step after which the displacement meets an edge, and the state there.
 
     Regula falsi; an end that stays twice counts half (the Illinois method).
     """
-    low, high, last = 0.0, h, 0
-    g_low, g_high = y[0] / j.N - y[2] - edge, end[0] / j.N - end[2] - edge
+    low, high = 0.0, h
+    g_low = y[0] / j.N - y[2] - edge
+    g_high = end[0] / j.N - end[2] - edge
+    last = 0  # the end that moved: 1 the high one, -1 the low one
     if g_low * g_high >= 0:
         return 0.0, y
     while True:
         elapsed = (low * g_high - high * g_low) / (g_high - g_low)
-        at = runge_kutta(t, y, elapsed, command, delta, side, j)
+        at = runge_kutta(t, y, elapsed, held, j)
         g = at[0] / j.N - at[2] - edge
         if not abs(g) > 1e-14:
             return elapsed, at
@@ -329,7 +355,7 @@ def reach_edge(t, y, h, end, edge, command, delta, side, j):
 
 
 @njit
-def integrate(y, side, delta, step, lead_steps, every, samples, j):
+def integrate(y, side, delta, step, every, samples, j):
     """Fill in the states and the gap state at every so many steps; rows stay NaN from where the joint runs away.
 
     A step that crosses an edge of the gap, or its middle, where sign() jumps, is split there.
@@ -337,31 +363,37 @@ def integrate(y, side, delta, step, lead_steps, every, samples, j):
     memory = np.array([y[4], 0.0, 0.0, y[0]])
     pending = np.full(j.delay + 1, y[4])
     per_period = round(j.period / step)
+    lead_steps = round(j.lead / step)
     edges = (-np.inf, -delta, 0.0, delta, np.inf)
     sides = (-1, 0, 0, 1) if j.clamped else (-1, -1, 1, 1)
     region = 3 if side > 0 else 0  # between edges[region] and edges[region + 1]
-    command = y[4]
+    held = Held(y[4], delta, sides[region])
     for i in range(lead_steps + (len(samples) - 1) * every + 1):
         row, rest = divmod(i - lead_steps, every)
         if row >= 0 and rest == 0:
             for k in range(5):
                 samples[row, k] = y[k]
             samples[row, 5] = (region == 3) - (region == 0)
-        t, left = (i - lead_steps) * step, step
+        t = (i - lead_steps) * step
+        left = step
         if i % per_period == 0:
             command = drive(t, y, memory, pending, i // per_period, j)
+            held = Held(command, delta, sides[region])
             if j.torque_lag == 0:
                 y = (y[0], y[1], y[2], y[3], command)
-        end = runge_kutta(t, y, left, command, delta, sides[region], j)
-        for _ in range(16):  # crossings in one step, at most
+        end = runge_kutta(t, y, left, held, j)
+        for _ in range(MOST_CROSSINGS):
             x = end[0] / j.N - end[2]
             if not (x < edges[region] or x > edges[region + 1]):
                 break
             way = -1 if x < edges[region] else 1
             edge = edges[region] if way < 0 else edges[region + 1]
-            elapsed, y = reach_edge(t, y, left, end, edge, command, delta, sides[region], j)
-            region, t, left = region + way, t + elapsed, left - elapsed
-            end = runge_kutta(t, y, left, command, delta, sides[region], j)
+            elapsed, y = reach_edge(t, y, left, end, edge, held, j)
+            region += way
+            held = Held(held.command, delta, sides[region])
+            t += elapsed
+            left -= elapsed
+            end = runge_kutta(t, y, left, held, j)
         y = end
         if not abs(y[1]) < 10 * j.Omega:
             return
@@ -464,8 +496,8 @@ def simulate(
     check(joint, delta, duration, sample, step)
     start, side = balance(joint, delta)
     samples = np.full((round(duration / sample) + 1, 6), np.nan)
-    every, lead_steps = round(sample / step), round(joint.lead / step)
-    integrate(start, side, float(delta), step, lead_steps, every, samples, compilable(joint))
+    every = round(sample / step)
+    integrate(start, side, float(delta), step, every, samples, compilable(joint))
     if np.isnan(samples).any():
         raise ValueError(
             f"the joint runs away with a backlash of {delta} rad; lower the gains, the delay or the step"

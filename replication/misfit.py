@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from replication import njit, njit_sums
+from replication.compilation import njit, njit_sums
 from replication.signature import FloatArray, Timing, rmse
 
 
@@ -35,7 +35,8 @@ class FoldedRecord(NamedTuple):
 def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
     """Sum a record over the windows; None if it is sampled unevenly, or T_d or T_f is no whole number of samples."""
     dt = float(t[-1] - t[0]) / (t.size - 1)
-    half, turn = round(timing.T_d / dt), round(timing.T_f / dt)
+    half = round(timing.T_d / dt)
+    turn = round(timing.T_f / dt)
     uneven = np.ptp(t - dt * np.arange(t.size))
     off_grid = timing.n * max(abs(half * dt - timing.T_d), abs(turn * dt - timing.T_f))
     if max(uneven, off_grid) > 1e-6 * dt or not 0 < half < turn:
@@ -64,7 +65,7 @@ def fold(t: FloatArray, v: FloatArray, timing: Timing) -> FoldedRecord | None:
 
 @njit
 def sum_windows(members, record):
-    """Sums of w^2, w (v - mean) and w over a record, with w the signature of A = 1; shape (3, members)."""
+    """Sums of w^2, w (v - mean) and w over a record, with w the signature, equation 7, of A = 1; shape (3, members)."""
     sums = np.empty((3, len(members)))
     buffer = np.empty(max(record.size, 16))
     for p in range(len(members)):
@@ -73,7 +74,7 @@ def sum_windows(members, record):
         first = max(int(np.ceil(start + T1 / record.dt)), 0)
         last = min(int(np.floor(start + T2 / record.dt)), record.size - 1)
         size = max(last + 1 - first, 0)
-        # u is one window; all others are its copies.
+        # u is one window, equation 5; all others of equations 6 and 7 are its copies.
         fill_oscillation(
             buffer[: max(size, 16)], (first - start) * record.dt, T1, tau, omega, record.dt
         )
@@ -84,17 +85,20 @@ def sum_windows(members, record):
             square -= 2 * record.in_turn[first + k] * u[k] * u[k - record.half]
         for k in range(record.turn - record.half, u.size):
             square -= 2 * record.in_next[first + k] * u[k] * u[k - record.turn + record.half]
-        sums[0, p], sums[1, p], sums[2, p] = square, product, total
+        sums[0, p] = square
+        sums[1, p] = product
+        sums[2, p] = total
     return sums
 
 
 @njit_sums
 def weigh_window(u, record, first):
-    """Sums over the record of u^2, u (v - mean) and u, of windows that begin with sample `first` and do not overlap."""
+    """Sums of u^2, u (v - mean) and u over all windows of a record; they begin with sample `first`, and do not overlap."""
     square = product = total = 0.0
     both_count = record.both_count[first : first + u.size]
     signed_sum = record.signed_sum[first : first + u.size]
     signed_count = record.signed_count[first : first + u.size]
+    # Equations 6 and 7, summed: the folded record has the signs of 6 and the turns of 7.
     for k in range(u.size):
         square += both_count[k] * u[k] * u[k]
         product += signed_sum[k] * u[k]

@@ -68,16 +68,22 @@ def level_delta_rad(level: int) -> float:
 
 
 def noise_half_amplitude_rps(level: int) -> float:
-    """Half-amplitude a_K of the authors' noise, Table 2's second column; equation 19 as printed does not give it."""
+    """Half-amplitude a_K of the authors' noise, Table 2's second column: (A_n - A_min) / (2 dA) of equation 19 (E4)."""
     return 0.1 + (level - 1) * 0.15 / 19
+
+
+def draw_noise(half_amplitude_rps: float, samples: int, rng: np.random.Generator) -> FloatArray:
+    """Equation 19: white noise of 2 a U(-0.5, 0.5), with the half-amplitude a; shape (samples,)."""
+    return rng.uniform(-half_amplitude_rps, half_amplitude_rps, samples)  # equation 19
 
 
 def add_noise(
     recording: Recording, half_amplitude_rps: float, rng: np.random.Generator
 ) -> Recording:
-    """Equation 18: a record with uniform white noise between plus and minus a half-amplitude."""
-    noise = rng.uniform(-half_amplitude_rps, half_amplitude_rps, recording.v.size)
-    return replace(recording, v=recording.v + noise, source=f"{recording.source} + uniform noise")
+    """Equation 18: a record with the noise of equation 19."""
+    noise = draw_noise(half_amplitude_rps, recording.v.size, rng)
+    v_n = recording.v + noise  # equation 18
+    return replace(recording, v=v_n, source=f"{recording.source} + uniform noise")
 
 
 def interpolated_peak(v: FloatArray, points: int = 40) -> float:
@@ -173,10 +179,11 @@ def public_file(address: str, name: str, sha256: str, variable: str) -> Path:
 
 def _root_cause(error: BaseException) -> str:
     """What an error of a download began with, in one line."""
-    while isinstance(
-        inner := getattr(error.args[0], "reason", None) if error.args else None, BaseException
-    ):
+    inner: BaseException | None = error
+    while inner is not None:
         error = inner
+        reason = getattr(error.args[0], "reason", None) if error.args else None
+        inner = reason if isinstance(reason, BaseException) else None
     text = " ".join(str(error).split())
     return text.rpartition(">: ")[2] or type(error).__name__
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+TURN = 2 * np.pi
 
 
 class Parameters(NamedTuple):
@@ -54,12 +55,13 @@ def d_b(t: FloatArray, X: Parameters, start: float) -> FloatArray:
     since = t - start
     inside = (since >= X.T1) & (since <= X.T2)
     since = np.where(inside, since, X.T1)  # outside, where exp() could overflow, any value serves
-    return np.where(inside, X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since), 0.0)
+    oscillation = X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since)  # equation 5
+    return np.where(inside, oscillation, 0.0)
 
 
 def f(t: FloatArray, X: Parameters, start: float, T_d: float) -> FloatArray:
     """Equation 6: the two oscillations of a turn, of opposite sign; shape (samples,)."""
-    return d_b(t, X, start) - d_b(t, X, start + T_d)
+    return d_b(t, X, start) - d_b(t, X, start + T_d)  # equation 6
 
 
 def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT) -> FloatArray:
@@ -80,7 +82,7 @@ def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT) -> F
     """
     X = Parameters(*X)
     turns = [f(t, X, X.t0 + i * timing.T_f, timing.T_d) for i in range(timing.n)]
-    return np.sum(turns, axis=0)
+    return np.sum(turns, axis=0)  # equation 7
 
 
 def rmse(
@@ -114,7 +116,7 @@ def table1_box(
         "A": (-A, A),
         "t0": (t.min(), t.max()),
         "tau": (5, 30),
-        "omega": (2 * np.pi, 2 * np.pi * 40),
+        "omega": (TURN, TURN * 40),
         "v_t": (v.min(), v.max()),
         "T2": (0, longest_window),
         "T1": (0, longest_window / 2),

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from replication import pinned_environment
+from replication.compilation import pinned_environment
 from replication.files import ROOT, write_json, write_kept, write_text
 
 RESULTS = ROOT / "results"
@@ -13,12 +13,11 @@ RESULTS = ROOT / "results"
 
 def write_claims() -> None:
     """The slow studies behind claims: results/alpha_refit.csv, noise_by_turns.csv and optimizers.csv."""
-    from studies import claims, edge, optimizers
+    from studies import edge, experiments, optimizers
 
     write_kept(RESULTS / "alpha_refit.csv", edge.refit_alphas())
-    write_kept(
-        RESULTS / "noise_by_turns.csv", claims.kept_noise_errors(range(1, claims.NOISES + 1))
-    )
+    errors = experiments.kept_noise_errors(range(1, experiments.NOISES + 1))
+    write_kept(RESULTS / "noise_by_turns.csv", errors)
     runs = optimizers.run_jobs(optimizers.planned_runs())
     write_kept(RESULTS / "optimizers.csv", runs)
     print(optimizers.success_table(runs).to_string(index=False))
@@ -41,7 +40,7 @@ def write_hardware() -> None:
 
 def write_joint() -> None:
     """The simulated joint anew from the authors' records, into replication/data/joint.json."""
-    from replication.identification import reidentify_joint
+    from studies.identification import reidentify_joint
 
     write_json(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
 
@@ -76,9 +75,9 @@ def write_prediction() -> None:
 
 def write_realisations() -> None:
     """Table 2 again and again under each of its settings, into results/table2_realisations.csv; it resumes."""
-    from replication import table2
+    from studies.realisations import make_realisations
 
-    table2.make_realisations()
+    make_realisations()
 
 
 STUDIES = {

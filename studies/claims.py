@@ -1,289 +1,226 @@
-"""The paper's sentences that need studies of their own (notebook 14).
+"""The paper's sentences as claims: what is measured of each, what of that its rule compares, and the words for it.
 
-A study gives a table; `measure_...` reduces it to what the claim's rule in `claims.csv` compares, and to words.
+A function `measure_...` gives named numbers by claim; `CLAIMS` has the words, in which each number is written once.
+Rules and limits stand in `claims.csv`.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from functools import lru_cache
+import string
+from collections.abc import Mapping
 from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
-from matplotlib.figure import Figure
+import pandas as pd
 from pandas import DataFrame
 from scipy import stats
 
-from replication import figures, published, table2
-from replication.characteristic import printed_levels_rad
-from replication.joint import TURN, Joint, Run, change, identified_joint, settled_peak, simulate
+from replication import published
+from replication.characteristic import (
+    encoder_step_rad,
+    equation_10,
+    printed_rows,
+    relative_error_percent,
+)
+from replication.joint import K_BL, Joint, tau_l
 from replication.published import Criteria, Measured
-from replication.records import Recording, add_noise, constant_speed
-from replication.signature import FloatArray, Timing
-from replication.standins import Bench, clean_record, fit_logs, read_encoder
-from replication.table2 import NOTEBOOK, best_fit
+from replication.records import Recording, authors_checksums
+from replication.signature import FloatArray
+from replication.table2 import SETTINGS, basin_labels
 
-FINE_BITS = 40  # of an encoder without steps
-_INTERVAL = ["rate_low", "rate_high"]
+Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words name several
 
 
-def uniform_noise_test(noise: FloatArray) -> dict[str, float]:
-    """P-values of a noise: of two laws (Kolmogorov and Smirnov's), of its mean, of the correlation of neighbours."""
-    correlation = np.corrcoef(noise[1:], noise[:-1])[0, 1]
-    z = [noise.mean() / stats.sem(noise, ddof=0), correlation * np.sqrt(noise.size - 1)]
-    p_mean, p_lag_one = 2 * stats.norm.sf(np.abs(z))
-    return {
-        "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
-        "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
-        "p_mean": p_mean,
-        "p_lag_one": p_lag_one,
-    }
+class Claim(NamedTuple):
+    """How what is measured of a claim is compared and said."""
+
+    compared: tuple[str, ...]  # names of the one or two numbers that its rule takes
+    words: str  # `{name:1e3×.2f}` writes a thousand times a number
+    row: str = ""  # words for each of `rows`
+    between: str = ", "  # them
 
 
-def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
-    """Test the noise added to records, by (level, realisation), for its law, its mean and correlation of neighbours.
+CLAIMS = {
+    # The disturbance.
+    "two_impacts": Claim(
+        ("share",),
+        "in {alternating} of {records} records the largest excursion changes its sign from every settled half turn to "
+        "the next",
+    ),
+    "half_turn": Claim(
+        ("largest",),
+        "inverted and half a turn later a record differs from itself by {smallest:100×.1f} to {largest:100×.1f} % of "
+        "its SD",
+    ),
+    "amplitude_grows": Claim(
+        ("smallest", "largest"),
+        "smallest increase from level to level [rps]: {rows}",
+        "{name} {step_rps:.3f}",
+    ),
+    "same_amplitude": Claim(
+        ("settled",),
+        "settled half turns differ by up to {settled:100×.1f} % in RMS, with the first turn by up to {whole:100×.1f} %",
+    ),
+    # The dead zone.
+    "stiffness_zero_inside": Claim(
+        ("at_edge",),
+        "{at_edge:100×.0f} % of K_s at the edge; in mid-gap {of_first:100×.1f} % at {first_rad:1e3×.1f} mrad to "
+        "{of_last:100×.1f} % at {last_rad:1e3×.1f} mrad, at alpha = {alpha} per rad",
+    ),
+    "no_discontinuity": Claim(
+        ("smallest_nm",), "the torque jumps at zero by {smallest_nm:.2g} to {largest_nm:.2g} N m"
+    ),
+    # Equation 10, the encoder.
+    "monotone": Claim(
+        ("slope",),
+        "the smallest slope from 0 rps on is {slope:1e3×.2g} mrad per rps; it misses Table 2's points by at most "
+        "{miss_rad:1e3×.2g} mrad",
+    ),
+    "encoder_step": Claim(("step_rad",), "one step of the encoder is {step_rad:1e3×.3g} mrad"),
+    "error_rad_small": Claim(("error_rad",), "{error_rad:.2g} rad at {delta_rad:1e3×.1f} mrad"),
+    "error_rad_large": Claim(
+        ("error_rad",), "the largest error is {error_rad:.2g} rad, at {delta_rad:1e3×.1f} mrad"
+    ),
+    # Table 2.
+    "error_below_10": Claim(
+        ("percent",), "the largest of the ten printed errors is {percent:.2f} %, in row {row}"
+    ),
+    "error_below_10_method": Claim(
+        ("smallest", "largest"),
+        "{share:100×.0f} % of our {tables} tables have an error above {limit_percent:g} % ({smallest:100×.0f} to "
+        "{largest:100×.0f} % by setting); row {first} in {of_first:100×.0f} %, row {second} in {of_second:100×.0f} %; "
+        "without row 1, whose record is simulated, {public:100×.0f} %",
+    ),
+    "quality_decreases": Claim(
+        ("smallest", "largest"),
+        "in rad the last row errs more than the first in {share:100×.0f} % of our {tables} tables ({smallest:100×.0f} "
+        "to {largest:100×.0f} % by setting; RMS {first_rad:1e6×.0f} and {last_rad:1e6×.0f} µrad), in percent in "
+        "{in_percent:100×.0f} %; row by row the rank correlation is {correlation_rad:+.2f}, in percent "
+        "{correlation_percent:+.2f}",
+    ),
+    "local_minima": Claim(
+        ("smallest", "largest"),
+        "runs in the best basin by population: {rows}; {stored_best} of the authors' {stored} stored runs; the paper "
+        "prints no population",
+        "{share:100×.0f} % ({population})",
+    ),
+    "noise_proportional": Claim(
+        ("factor",), "noise over A falls from {first:.2f} to {last:.3f}, a factor {factor:.2f}"
+    ),
+    "random_start": Claim(
+        ("whole_p", "drawn_p"),
+        "mean deviation, the start drawn {rows}; whole record p = {p_of_whole}. Drawn under {drawn_settings} of the "
+        "{whole_settings} settings",
+        "{reading} p = {p}, excluded at {limit:100×g} % by {excluded_by}",
+        "; ",
+    ),
+    # The noise.
+    "uniform_noise": Claim(
+        ("smallest",),
+        "smallest p of {records} records times {tests}: uniform {p_uniform:.2g}, mean {p_mean:.2g}, lag one "
+        "{p_lag_one:.2g}; normal noise: at most {p_normal:.1g} uncorrected",
+    ),
+    "no_backlash": Claim(
+        ("low", "high"),
+        "95th percentile of |A| over the smallest mean: {percentile:.2f} (95 % interval {low:.2f} to {high:.2f}); it "
+        "is below {limit:.2g} in {below} of {noises} noise records; mean |A| {mean_rps:.3f}, largest {largest_rps:.3f} "
+        "rps",
+    ),
+    "turns_reduce_noise": Claim(
+        ("low", "high"),
+        "error with {many} turns over that with {few} at three backlashes: {rows} (each within a factor {factor:.2f}, "
+        "{noises} noises)",
+        "{ratio:.2f}",
+    ),
+    "code_and_data_public": Claim(
+        ("logs",), "of {files} public files {logs} are logs of the bench or of the robots"
+    ),
+    # The joint and its encoder.
+    "impacts_at_phase_start": Claim(
+        ("largest",), "{first:100×.0f} to {last:100×.0f} % of the phase has passed at the impact"
+    ),
+    "depends_on_joint": Claim(
+        ("percent",), "a stiffness a fifth lower changes the settled peak by {percent:.2g} %"
+    ),
+    "friction_disregarded": Claim(
+        ("smallest_percent", "largest_percent"),
+        "on simulated logs frictions of {least:100×.2g} to {most:100×.2g} % of gravity change A by "
+        "{smallest_percent:.1f} to {largest_percent:.0f} %; the friction of the test's joint is not published",
+    ),
+    "bits_suffice": Claim(
+        ("change_rps",),
+        "{bits} bits change A by up to {change_rps:.2g} rps; the fewest tried that suffice: {fewest}",
+    ),
+    "discontinuities_destabilise": Claim(
+        ("alone", "most"),
+        "largest error of the settled peak: {rows}; stability was not measured",
+        "{model} {error}",
+    ),
+    # The search.
+    "cma_beats_swarms": Claim(
+        ("p_better", "p_worse"),
+        "rates of the best basin: CMA-ES {rate:.2f}, {rows}",
+        "{swarm} {rate:.2f} (p {p_cma_better:.1g})",
+    ),
+    "classical_cannot": Claim(
+        ("low", "high"), "best basin found: {rows}", "{method} {found} of {runs}"
+    ),
+    "classical_prepared": Claim(
+        ("low", "high"), "best basin found: {rows}", "{method} {found} of {runs}"
+    ),
+    "little_tuning": Claim(
+        ("low", "high"),
+        "rate of the best basin, {rows}",
+        "{method}: {rate:.2f} ({rate_low:.2f} to {rate_high:.2f})",
+    ),
+}
 
-    P-values are not corrected for their number; those of the law are Kolmogorov and Smirnov's.
-    """
-    tested = DataFrame([uniform_noise_test(noise) for noise in noises.values()])
-    return DataFrame(list(noises), columns=["level", "realisation"]).join(tested)
+
+# ------------------------------------------------------------------------------------------ numbers to words
 
 
-def measure_uniform_noise(tests: DataFrame) -> Measured:
-    """The smallest corrected p of a law that is uniform, white and of zero mean, from `noise_tests`."""
-    p = tests[["p_uniform", "p_mean", "p_lag_one"]]
-    corrected = (p.min() * p.size).clip(upper=1.0)
-    uniform, mean, lag_one = corrected
-    return corrected.min(), (
-        f"smallest p of {len(p)} records times {p.size}: uniform {uniform:.2g}, mean {mean:.2g}, lag one "
-        f"{lag_one:.2g}; normal noise: at most {tests['p_normal'].max():.1g} uncorrected"
+class _Scaling(string.Formatter):
+    """Writes a number times what stands before the sign × of its format."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        factor, _, form = format_spec.rpartition("×")
+        return format(float(factor) * value if factor else value, form)
+
+
+def write_words(claim: str, numbers: Numbers) -> str:
+    """Write what was measured of a claim."""
+    words = _Scaling()
+    rows = [words.format(CLAIMS[claim].row, **row) for row in numbers.get("rows", ())]
+    return words.format(
+        CLAIMS[claim].words, **{**numbers, "rows": CLAIMS[claim].between.join(rows)}
     )
 
 
-def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:
-    """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
-    noises = [add_noise(constant_speed(), noise_rps, np.random.default_rng(seed)) for seed in seeds]
-    work = [
-        delayed(table2.fit)(noise, NOTEBOOK, seed)
-        for noise, seed in zip(noises, seeds, strict=True)
-    ]
-    return np.array([fit.amplitude_rps for fit in Parallel(n_jobs=-1)(work)])
+def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
+    """What the rule of each claim compares, and the words, as `published.decide_all` takes them."""
+    written: dict[str, Measured] = {}
+    for claim, numbers in measured.items():
+        compared: Any = tuple(float(numbers[name]) for name in CLAIMS[claim].compared)
+        written[claim] = compared if len(compared) > 1 else compared[0], write_words(claim, numbers)
+    return written
 
 
-def measure_no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float) -> Measured:
-    """The 95th percentile of |A| in noise alone, as a share of the smallest A with backlash."""
-    share = np.sort(amplitude_rps) / smallest_A_rps
-    # The order statistics that hold the percentile: nan where there are too few for 95 % confidence.
-    low, high = stats.quantile_test(share, p=0.95).confidence_interval(0.95)
-    limit = published.criterion("no_backlash")
-    return (low, high), (
-        f"95th percentile of |A| over the smallest mean: {np.quantile(share, 0.95):.2f} (95 % interval {low:.2f} to "
-        f"{high:.2f}); it is below {limit:.2g} in {(share < limit).sum()} of {share.size} noise records; mean |A| "
-        f"{amplitude_rps.mean():.3f}, largest {amplitude_rps.max():.3f} rps"
-    )
+def decide(
+    measured: Mapping[str, Numbers], criteria: Criteria = None
+) -> dict[str, published.Decision]:
+    """Decide claims by what was measured of each, as `published.decide` does."""
+    return published.decide_all(write_all(measured), criteria)
 
 
-def impact_phases(joint: Joint, deltas_rad: Sequence[float]) -> DataFrame:
-    """When the teeth first meet on the new side, a row a settled half turn.
-
-    `share_passed` counts from the beginning of the load's descent, in which it drives the motor, or
-    ascent.
-    """
-    rows = []
-    for delta in deltas_rad:
-        run = simulate(joint, delta, sample=5e-5, step=5e-5)
-        at = np.searchsorted(run.t, run.impacts)
-        side = run.gap[at]
-        new_side = np.r_[False, side[1:] != side[:-1]]
-        for k in at[new_side & (run.impacts >= joint.turn_period)]:
-            descends = run.gap[k] < 0
-            turned = (run.theta_l[k] - np.pi * descends + np.pi / 2) % TURN - np.pi / 2
-            rows.append((delta, "descent" if descends else "ascent", turned / np.pi))
-    return DataFrame(rows, columns=["delta_rad", "phase", "share_passed"])
+def span(numbers: pd.Series, form: str) -> str:
+    """Write the first and the last of some numbers: "0.1 to 0.3"; once, where they look alike."""
+    return " to ".join(dict.fromkeys(format(number, form) for number in numbers))
 
 
-def measure_impacts(phases: DataFrame) -> Measured:
-    """The largest share of its phase that has passed at an impact, from `impact_phases`."""
-    passed = phases["share_passed"]
-    first, last = 100 * passed.min(), 100 * passed.max()
-    words = f"{first:.0f} to {last:.0f} % of the phase has passed at the impact"
-    return (
-        passed % 1
-    ).max(), words  # what comes before its phase comes at the end of the one before
-
-
-TURNS = (1, 12)
-NOISES = 160  # for each number of turns and backlash
-
-
-def noise_errors_by_turns(
-    joint: Joint, deltas_rad: Iterable[float], noises_rps: Iterable[float], noises: Sequence[int]
-) -> DataFrame:
-    """Error that uniform noise of an amplitude for each backlash makes in A, by the turns of model and record.
-
-    The record begins with the third turn; the error is against its own fit without noise. A row a noise, whose number
-    and what it is added to fix it.
-    """
-    rows = []
-    for (delta, noise_rps), turns in product(zip(deltas_rad, noises_rps, strict=True), TURNS):
-        record = clean_record(joint, delta, 2 + max(TURNS))
-        turn = round(record.turn_period_s / record.sample_s)
-        length = turns * turn + 1
-        part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
-        streams = [np.random.default_rng((turns, round(1e7 * delta), k)) for k in noises]
-        parts = [part, *(add_noise(part, noise_rps, rng) for rng in streams)]
-        settings = replace(NOTEBOOK, timing=Timing(n=turns))
-        fits = Parallel(n_jobs=-1)(delayed(best_fit)(each, settings) for each in parts)
-        quiet, *noisy = (fit.amplitude_rps for fit in fits)
-        rows += [(delta, turns, k, A - quiet) for k, A in zip(noises, noisy, strict=True)]
-    return DataFrame(rows, columns=["delta_rad", "turns", "noise", "error_rps"])
-
-
-def kept_noise_errors(noises: Sequence[int]) -> DataFrame:
-    """`noise_errors_by_turns` of Table 2's first, fifth and last row: what `results/noise_by_turns.csv` keeps."""
-    rows = [0, 4, 9]
-    printed_rps = published.column("Table 2", "noise")[rows]
-    return noise_errors_by_turns(
-        identified_joint(), printed_levels_rad()[rows], printed_rps, noises
-    )
-
-
-def measure_turns(errors: DataFrame) -> Measured:
-    """The RMS error of the longest records over that of the shortest, from `noise_errors_by_turns`."""
-    squares = (errors["error_rps"] ** 2).groupby([errors["delta_rad"], errors["turns"]])
-    table = np.sqrt(squares.mean()).unstack()
-    few, many = table.columns.min(), table.columns.max()
-    ratio = table[many] / table[few]
-    noises = squares.size().min()
-    # F's own quantiles at 0.025 and 0.975 are inverses.
-    factor = np.sqrt(stats.f.ppf(0.975, noises, noises))
-    interval = ratio.max() / factor, ratio.max() * factor
-    ratios = ", ".join(f"{r:.2f}" for r in ratio)
-    return interval, (
-        f"error with {many} turns over that with {few} at three backlashes: {ratios} (each within a factor "
-        f"{factor:.2f}, {noises} noises)"
-    )
-
-
-def friction_study(joint: Joint, shares: Sequence[float], delta_rad: float = 1e-3) -> DataFrame:
-    """Mean A of best fits to four logs without noise, by Coulomb friction on the load over m g r, and its change."""
-    benches = [Bench(joint._replace(load_coulomb=share * joint.G), 0.0) for share in (0.0, *shares)]
-    fits = fit_logs([(bench, delta_rad) for bench in benches for _ in range(4)], seed=1)
-    A = fits["A_rps"].to_numpy().reshape(-1, 4).mean(axis=1)
-    table = DataFrame({"friction": (0.0, *shares), "A_rps": A})
-    return table.assign(change_percent=100 * (A / A[0] - 1))
-
-
-def measure_friction(study: DataFrame) -> Measured:
-    """The smallest and the largest change of A by friction, from `friction_study`."""
-    rubbed = study[study["friction"] > 0]
-    changes = rubbed["change_percent"].abs()
-    shares = 100 * rubbed["friction"]
-    return (changes.min(), changes.max()), (
-        f"on simulated logs frictions of {shares.min():.2g} to {shares.max():.2g} % of gravity change A by "
-        f"{changes.min():.1f} to {changes.max():.0f} %; the friction of the test's joint is not published"
-    )
-
-
-def measure_dependence(joint: Joint, delta_rad: float) -> Measured:
-    """How much [%] the settled peak changes if the stiffness is a fifth lower."""
-    softer = change(joint, {"K_s/J_l": 0.8})
-    fine = {"sample": 5e-5, "step": 5e-5}
-    peaks = [settled_peak(simulate(each, delta_rad, **fine), each) for each in (joint, softer)]
-    changed = 100 * abs(peaks[1] / peaks[0] - 1)
-    return changed, f"a stiffness a fifth lower changes the settled peak by {changed:.2g} %"
-
-
-@lru_cache(1)  # a run is read by one encoder after the other
-def _twelve_turns(joint: Joint, delta_rad: float) -> Run:
-    return simulate(joint, delta_rad, 12 * joint.turn_period)
-
-
-def encoder_record(joint: Joint, delta_rad: float, bits: int, offset_rad: float) -> Recording:
-    """Record speeds differenced from the positions of an encoder that is turned by an offset."""
-    run = _twelve_turns(joint, delta_rad)
-    source = f"simulated joint, {delta_rad:g} rad, {bits}-bit encoder"
-    return read_encoder(joint, run.t, run.theta_m + offset_rad, TURN / 2**bits, source)
-
-
-def bits_study(
-    joint: Joint, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
-) -> DataFrame:
-    """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
-
-    def amplitude(delta: float, bits: int, angle: float) -> float:
-        return best_fit(encoder_record(joint, delta, bits, angle)).amplitude_rps
-
-    angles = np.random.default_rng(1).uniform(0, TURN, offsets)
-    rows = []
-    for delta in deltas_rad:
-        fine = amplitude(delta, FINE_BITS, 0.0)
-        rows += [
-            (b, delta, max(abs(amplitude(delta, b, angle) - fine) for angle in angles))
-            for b in bits
-        ]
-    return DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])
-
-
-def measure_bits(study: DataFrame, bits: int) -> Measured:
-    """The largest change of A by an encoder of so many bits, from `bits_study`."""
-    largest = study.groupby("bits")["change_rps"].max()
-    limit = published.criterion("bits_suffice")
-    enough = [b for b in largest.index if (largest.loc[b:] < limit).all()]
-    least = f"; the fewest tried that suffice: {min(enough)}" if enough else ""
-    return largest[bits], f"{bits} bits change A by up to {largest[bits]:.2g} rps{least}"
-
-
-def measure_discontinuities(study: DataFrame) -> Measured:
-    """How much a torque that steps spoils a simulation, and it alone, from `stepping_torque_study`.
-
-    An error below the limit refutes the claim only if the smooth torque's is no smaller: stability,
-    other systems and other solvers were not tried.
-    """
-    errors = study.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
-    by_case = errors.abs().fillna(np.inf)
-    sound = by_case["modified"] <= published.criterion("discontinuities_destabilise")
-    alone, largest = by_case.loc[sound, "stepping"].max(), by_case.max()
-    most = np.inf if largest["stepping"] > largest["modified"] else largest["stepping"]
-    sizes = largest.map(lambda error: "diverges" if np.isinf(error) else f"{100 * error:.2g} %")
-    named = ", ".join(sizes.index + " " + sizes)
-    return (alone, most), f"largest error of the settled peak: {named}; stability was not measured"
-
-
-def measure_swarms(compared: DataFrame) -> Measured:
-    """P that CMA-ES beats every swarm, and that one beats it, from `optimizers.against_swarms`."""
-    better, worse = compared["p_cma_better"].max(), compared["p_swarm_better"].min()
-    p = len(compared) * better, len(compared) * worse
-    rates = ", ".join(
-        f"{row.swarm} {row.rate:.2f} (p {row.p_cma_better:.1g})" for row in compared.itertuples()
-    )
-    return p, f"rates of the best basin: CMA-ES {compared['rate_cma'].iloc[0]:.2f}, {rates}"
-
-
-def measure_classical(table: DataFrame, kind: str) -> Measured:
-    """How often classical methods of a kind, "classical" or "prepared", succeed, from `optimizers.success_table`."""
-    classical = table[table["kind"] == kind]
-    rates = ", ".join(f"{row.method} {row.found} of {row.runs}" for row in classical.itertuples())
-    return tuple(classical[_INTERVAL].max()), f"best basin found: {rates}"
-
-
-def measure_tuning(table: DataFrame) -> Measured:
-    """How often CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
-    untuned = table[table["method"].str.startswith("CMA-ES, its own population")]
-    rates = ", ".join(
-        f"{row.method}: {row.rate:.2f} ({row.rate_low:.2f} to {row.rate_high:.2f})"
-        for row in untuned.itertuples()
-    )
-    low, high = untuned[_INTERVAL[0]].min(), untuned[_INTERVAL[1]].max()
-    return (low, high), f"rate of the best basin, {rates}"
-
-
-def margin(
-    claim: str, measured: float | tuple[float, float], criteria: Criteria = None
-) -> tuple[float, float]:
+def margin(claim: str, compared: Any, criteria: Criteria = None) -> tuple[float, float]:
     """Ends of what was measured over the claim's limit, turned so that below 1 it holds and above 1 it does not."""
-    limit, rule = published.criterion(claim, criteria), published.table("claims").loc[claim, "rule"]
-    numbers = np.ravel(measured).astype(float)
+    limit = published.criterion(claim, criteria)
+    rule = published.table("claims").loc[claim, "rule"]
+    numbers = np.ravel(compared).astype(float)
     with np.errstate(divide="ignore"):
         if rule == "rounds to":
             ends = np.abs(numbers - limit) / published.half_last_digit(str(limit))
@@ -296,26 +233,369 @@ def margin(
     return float(ends.min()), float(ends.max())
 
 
-LOOKS: dict[bool | None, tuple[str, str, str]] = {
-    True: ("holds", figures.BLUE, "o"),
-    False: ("does not hold", figures.VERMILION, "X"),
-    None: ("undecided", figures.INK, "D"),
-}
+# ------------------------------------------------------------------------------------------ the disturbance
 
 
-@figures.in_style
-def draw_margins(measured: Mapping[str, Measured], criteria: Criteria = None) -> Figure:
-    """What was measured of each claim over its limit, sorted: left of 1 it holds, right of 1 it does not."""
-    ends = sorted(
-        (*margin(claim, numbers, criteria), claim) for claim, (numbers, _) in measured.items()
-    )
-    figure, axis = figures.panel(0.6 + 0.22 * len(ends))
-    for row, (low, high, claim) in enumerate(ends):
-        label, colour, mark = LOOKS[published.decide(claim, measured[claim][0], criteria)]
-        inside = np.clip([low, high], 1.2e-2, 80)
-        axis.plot(inside, [row, row], color=colour, marker=mark, markersize=5, label=label)
-    axis.axvline(1, **figures.DOTTED | {"linewidth": 1.2})
-    axis.set_yticks(range(len(ends)), [claim.replace("_", " ") for *_, claim in ends])
-    axis.set(xscale="log", xlim=(1e-2, 100), xlabel="measured over limit")
-    axis.invert_yaxis()
-    return figures.finish(figure, 3)
+def half_turns(record: Recording) -> FloatArray:
+    """Cut a record's speed less the commanded one [rps] into half turns, shape (half turns, samples)."""
+    half = round(record.turn_period_s / 2 / record.sample_s)
+    disturbance = record.v - record.commanded_speed_rps  # equation 11
+    return disturbance[: disturbance.size // half * half].reshape(-1, half)
+
+
+def root_mean_square(numbers: FloatArray, axis: int | None = None) -> Any:
+    """Root of the mean square, of all or along an axis."""
+    return np.sqrt(np.mean(np.square(numbers), axis=axis))
+
+
+def measure_records(records: Mapping[float, Recording]) -> DataFrame:
+    """Measure noise-free records by backlash [rad], a row each, without the first turn but for `rms_spread_whole`.
+
+    Columns: `peak_rps` and `rms_rps` of the disturbance; `alternates`, whether the largest excursion changes its sign
+    from every half turn to the next; `mismatch`, the RMS difference from itself, inverted and half a turn later, over
+    the SD; `rms_spread`, the largest RMS of a half turn over the smallest, less 1.
+    """
+    rows = []
+    for delta in sorted(records):
+        halves = half_turns(records[delta])
+        settled = halves[2:]
+        largest = settled[np.arange(len(settled)), np.abs(settled).argmax(axis=1)]
+        rms = root_mean_square(halves, axis=1)
+        row = {
+            "delta_rad": delta,
+            "peak_rps": settled.max(),
+            "rms_rps": root_mean_square(settled),
+            "alternates": (np.sign(largest[1:]) == -np.sign(largest[:-1])).all(),
+            "mismatch": root_mean_square(settled[1:] + settled[:-1]) / settled.std(),
+            "rms_spread": rms[2:].max() / rms[2:].min() - 1,
+            "rms_spread_whole": rms.max() / rms.min() - 1,
+        }
+        rows.append(row)
+    return DataFrame(rows)
+
+
+def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
+    """Two impacts a turn, half a turn apart, of one amplitude that grows with the backlash: from `measure_records`."""
+    steps = {
+        "peak of the samples": records["peak_rps"].diff().min(),
+        "RMS": records["rms_rps"].diff().min(),
+        "printed A": np.diff(printed_rows()["theoretical"]).min(),
+    }
+    alternates = records["alternates"]
+    return {
+        "two_impacts": {
+            "share": alternates.mean(),
+            "alternating": alternates.sum(),
+            "records": len(records),
+        },
+        "half_turn": {"smallest": records["mismatch"].min(), "largest": records["mismatch"].max()},
+        "amplitude_grows": {
+            "smallest": min(steps.values()),
+            "largest": max(steps.values()),
+            "rows": [{"name": name, "step_rps": step} for name, step in steps.items()],
+        },
+        "same_amplitude": {
+            "settled": records["rms_spread"].max(),
+            "whole": records["rms_spread_whole"].max(),
+        },
+    }
+
+
+# ------------------------------------------------------------------------------------------ the dead zone
+
+# Sharpness of the edge [1/rad]: the smallest that the records allow (notebook 3), and one that they can't tell from it.
+SHARP_EDGES = (1e5, 1e6)
+
+
+def measure_dead_zone(joint: Joint) -> dict[str, Numbers]:
+    """What equations 8 and 9 leave in the gap, at Table 2's ten backlashes and `SHARP_EDGES`."""
+    rows = []
+    for alpha, delta in product(SHARP_EDGES, printed_rows()["delta_rad"]):
+        sharp = joint._replace(alpha=alpha, clamped=False)
+        before, after = (tau_l(side * 1e-15, 0.0, delta, side, sharp) for side in (-1, 1))
+        row = {
+            "delta_rad": delta,
+            "at_edge": K_BL(delta, delta, joint.K_s, alpha) / joint.K_s,
+            "in_middle": K_BL(0.0, delta, joint.K_s, alpha) / joint.K_s,
+            "jump_nm": before - after,
+        }
+        rows.append(row)
+    gaps = DataFrame(rows)
+    softest = gaps[: len(gaps) // len(SHARP_EDGES)]
+    return {
+        "stiffness_zero_inside": {
+            "at_edge": gaps["at_edge"].min(),
+            "of_first": softest["in_middle"].iloc[0],
+            "first_rad": softest["delta_rad"].iloc[0],
+            "of_last": softest["in_middle"].iloc[-1],
+            "last_rad": softest["delta_rad"].iloc[-1],
+            "alpha": f"{SHARP_EDGES[0]:.0e}".replace("e+0", "e"),
+        },
+        "no_discontinuity": {
+            "smallest_nm": gaps["jump_nm"].min(),
+            "largest_nm": gaps["jump_nm"].max(),
+        },
+    }
+
+
+# ------------------------------------------------------------------------------------------ equation 10, encoder
+
+# What the functions below measure, whose limits a notebook lets one change.
+OF_EQUATION_10 = ("monotone", "encoder_step", "error_rad_small", "error_rad_large")
+
+
+def measure_equation_10() -> dict[str, Numbers]:
+    """What follows from equation 10 and Table 2 as printed, and the encoder's step."""
+    rows = printed_rows()
+    A_rps = np.linspace(0, rows["theoretical"].max(), 1000)
+    by_equation = equation_10().backlash_rad(rows["theoretical"].to_numpy())
+    small = rows.iloc[0]
+    large = rows.loc[rows["error_rad"].idxmax()]
+    return {
+        "monotone": {
+            "slope": np.gradient(equation_10().backlash_rad(A_rps), A_rps).min(),
+            "miss_rad": np.abs(by_equation - rows["delta_rad"]).max(),
+        },
+        "encoder_step": {"step_rad": encoder_step_rad()},
+        "error_rad_small": small[["error_rad", "delta_rad"]].to_dict(),
+        "error_rad_large": large[["error_rad", "delta_rad"]].to_dict(),
+    }
+
+
+# ------------------------------------------------------------------------------------------ Table 2
+
+OF_TABLE2 = (
+    "error_below_10",
+    "error_below_10_method",
+    "quality_decreases",
+    "local_minima",
+    "noise_proportional",
+)
+
+
+def measure_table2(realisations: DataFrame) -> dict[str, Numbers]:
+    """The errors of Table 2 as printed and of our tables with the whole record, and their searches.
+
+    Parameters
+    ----------
+    realisations : DataFrame
+        Of `realisations.read_realisations`.
+    """
+    names = [settings.name for settings in SETTINGS]
+    whole = realisations[realisations["protocol"].isin(names) & (realisations["row"] <= 10)]
+    means = whole.pivot(index=["protocol", "realisation"], columns="row", values="mean_A_rps")
+    return {
+        "error_below_10": measure_printed_errors(),
+        "error_below_10_method": measure_our_errors(means),
+        "quality_decreases": measure_quality(means),
+        "local_minima": measure_local_minima(whole),
+        "noise_proportional": measure_noise_proportional(),
+    }
+
+
+def measure_printed_errors() -> Numbers:
+    """The largest relative error of the ten printed means."""
+    errors = printed_rows()["error_percent"]
+    return {"percent": errors.max(), "row": errors.idxmax()}
+
+
+def share_by_setting(met: pd.Series) -> dict[str, float]:
+    """The share of our tables that meet something: of all, and the smallest and largest of the settings."""
+    of_settings = met.groupby("protocol").mean()
+    return {
+        "share": met.mean(),
+        "tables": len(met),
+        "smallest": of_settings.min(),
+        "largest": of_settings.max(),
+    }
+
+
+def measure_our_errors(means: DataFrame) -> Numbers:
+    """The share of our tables that have an error above the paper's 10 %, from means [rps], a row a table."""
+    limit = published.criterion("error_below_10")
+    above = relative_error_percent(means, printed_rows()["theoretical"]) > limit
+    worst = above.mean().nlargest(2)
+    return share_by_setting(above.any(axis=1)) | {
+        "limit_percent": limit,
+        "first": worst.index[0],
+        "of_first": worst.iloc[0],
+        "second": worst.index[1],
+        "of_second": worst.iloc[1],
+        "public": above.drop(columns=1).any(axis=1).mean(),
+    }
+
+
+def measure_quality(means: DataFrame) -> Numbers:
+    """The share of our tables whose last row errs more in rad than the first, from means [rps], a row a table."""
+    rows = printed_rows()
+    errors = np.abs(equation_10().backlash_rad(means) - rows["delta_rad"].to_numpy())
+    percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
+    rms_rad = root_mean_square(errors, axis=0)
+    rms_percent = root_mean_square(percent, axis=0)
+    return share_by_setting(pd.Series(errors[:, -1] > errors[:, 0], means.index)) | {
+        "first_rad": rms_rad[0],
+        "last_rad": rms_rad[-1],
+        "in_percent": np.mean(percent[:, -1] > percent[:, 0]),
+        "correlation_rad": stats.kendalltau(rows["delta_rad"], rms_rad).statistic,
+        "correlation_percent": stats.kendalltau(rows["delta_rad"], rms_percent).statistic,
+    }
+
+
+def measure_local_minima(realisations: DataFrame) -> Numbers:
+    """The share of runs in the best basin, by the population of the search, and of the stored runs."""
+    population = {settings.name: settings.population for settings in SETTINGS}
+    sizes = realisations["protocol"].map(population).rename("population")
+    shares = realisations.groupby(sizes)["best_basin_share"].mean()
+    ends = published.table("authors_notebook_runs")["final_rmse_rps"]
+    in_best = basin_labels(ends.to_numpy()) == 1
+    return {
+        "smallest": min(shares.min(), in_best.mean()),
+        "largest": max(shares.max(), in_best.mean()),
+        "stored_best": in_best.sum(),
+        "stored": in_best.size,
+        "rows": shares.rename("share").reset_index().to_dict("records"),
+    }
+
+
+def measure_noise_proportional() -> Numbers:
+    """How far the ratio of Table 2's printed noise to its theoretical A varies."""
+    rows = printed_rows()
+    ratio = rows["noise"] / rows["theoretical"]
+    factor = ratio.max() / ratio.min()
+    return {"first": ratio.iloc[0], "last": ratio.iloc[-1], "factor": factor}
+
+
+# ------------------------------------------------------------------------------------------ noise, public files
+
+
+def measure_uniform_noise(tests: DataFrame) -> Numbers:
+    """The smallest corrected p of a law that is uniform, white and of zero mean, from `experiments.noise_tests`."""
+    p = tests[["p_uniform", "p_mean", "p_lag_one"]]
+    corrected = (p.min() * p.size).clip(upper=1.0)
+    return corrected.to_dict() | {
+        "smallest": corrected.min(),
+        "records": len(p),
+        "tests": p.size,
+        "p_normal": tests["p_normal"].max(),
+    }
+
+
+def measure_no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float) -> Numbers:
+    """The 95th percentile of |A| in noise alone, as a share of the smallest A with backlash."""
+    share = amplitude_rps / smallest_A_rps
+    # The order statistics that hold the percentile: nan where there are too few for 95 % confidence.
+    low, high = stats.quantile_test(share, p=0.95).confidence_interval(0.95)
+    limit = published.criterion("no_backlash")
+    return {
+        "percentile": np.quantile(share, 0.95),
+        "low": low,
+        "high": high,
+        "limit": limit,
+        "below": (share < limit).sum(),
+        "noises": share.size,
+        "mean_rps": amplitude_rps.mean(),
+        "largest_rps": amplitude_rps.max(),
+    }
+
+
+def measure_turns(errors: DataFrame) -> Numbers:
+    """The RMS error of the longest records over that of the shortest, from `experiments.noise_errors_by_turns`."""
+    squares = (errors["error_rps"] ** 2).groupby([errors["delta_rad"], errors["turns"]])
+    rms = np.sqrt(squares.mean()).unstack()
+    few, many = rms.columns.min(), rms.columns.max()
+    ratios = rms[many] / rms[few]
+    noises = squares.size().min()
+    # F's own quantiles at 0.025 and 0.975 are inverses.
+    factor = np.sqrt(stats.f.ppf(0.975, noises, noises))
+    return {
+        "low": ratios.max() / factor,
+        "high": ratios.max() * factor,
+        "few": few,
+        "many": many,
+        "factor": factor,
+        "noises": noises,
+        "rows": [{"ratio": ratio} for ratio in ratios],
+    }
+
+
+def measure_public_files() -> dict[str, Numbers]:
+    """How many of the authors' public files are logs of the bench or of the robots."""
+    files = [path.lower() for path in authors_checksums()]
+    logs = sum("bench" in path or "robot" in path for path in files)
+    return {"code_and_data_public": {"files": len(files), "logs": logs}}
+
+
+# ------------------------------------------------------------------------------------------ the joint, its encoder
+
+
+def measure_impacts(phases: DataFrame) -> Numbers:
+    """The largest share of its phase that has passed at an impact, from `experiments.impact_phases`."""
+    passed = phases["share_passed"]
+    # What comes before its phase comes at the end of the one before.
+    return {"largest": (passed % 1).max(), "first": passed.min(), "last": passed.max()}
+
+
+def measure_friction(study: DataFrame) -> Numbers:
+    """The smallest and the largest change of A by friction, from `experiments.friction_study`."""
+    rubbed = study[study["friction"] > 0]
+    changes = rubbed["change_percent"].abs()
+    return {
+        "smallest_percent": changes.min(),
+        "largest_percent": changes.max(),
+        "least": rubbed["friction"].min(),
+        "most": rubbed["friction"].max(),
+    }
+
+
+def measure_bits(study: DataFrame, bits: int) -> Numbers:
+    """The largest change of A by an encoder of so many bits, from `experiments.bits_study`."""
+    largest = study.groupby("bits")["change_rps"].max()
+    limit = published.criterion("bits_suffice")
+    enough = [each for each in largest.index if (largest.loc[each:] < limit).all()]
+    fewest = min(enough, default="none")
+    return {"bits": bits, "change_rps": largest[bits], "fewest": fewest}
+
+
+def measure_discontinuities(study: DataFrame) -> Numbers:
+    """How much a torque that steps spoils a simulation, and it alone, from `edge.stepping_torque_study`.
+
+    An error below the limit refutes the claim only if the smooth torque's is no smaller: stability,
+    other systems and other solvers were not tried.
+    """
+    errors = study.pivot(index=["delta_rad", "step_s"], columns="model", values="error")
+    by_case = errors.abs().fillna(np.inf)
+    sound = by_case["modified"] <= published.criterion("discontinuities_destabilise")
+    largest = by_case.max()
+    most = np.inf if largest["stepping"] > largest["modified"] else largest["stepping"]
+    rows = [
+        {"model": model, "error": "diverges" if np.isinf(error) else f"{100 * error:.2g} %"}
+        for model, error in largest.items()
+    ]
+    return {"alone": by_case.loc[sound, "stepping"].max(), "most": most, "rows": rows}
+
+
+# ------------------------------------------------------------------------------------------ the search
+
+
+def measure_swarms(compared: DataFrame) -> Numbers:
+    """P that CMA-ES beats every swarm, and that one beats it, from `optimizers.against_swarms`."""
+    return {
+        "p_better": len(compared) * compared["p_cma_better"].max(),
+        "p_worse": len(compared) * compared["p_swarm_better"].min(),
+        "rate": compared["rate_cma"].iloc[0],
+        "rows": compared.to_dict("records"),
+    }
+
+
+def measure_classical(table: DataFrame, kind: str) -> Numbers:
+    """How often classical methods of a kind, "classical" or "prepared", succeed, from `optimizers.success_table`."""
+    classical = table[table["kind"] == kind]
+    low, high = classical[["rate_low", "rate_high"]].max()
+    return {"low": low, "high": high, "rows": classical.to_dict("records")}
+
+
+def measure_tuning(table: DataFrame) -> Numbers:
+    """How often CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
+    untuned = table[table["method"].str.startswith("CMA-ES, its own population")]
+    ends = {"low": untuned["rate_low"].min(), "high": untuned["rate_high"].max()}
+    return ends | {"rows": untuned.to_dict("records")}

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from replication import joint as simulator
-from replication.identification import FIT_LEVELS, errors_in_turn, identify_joint
-from replication.joint import TURN, Joint, identified_joint, ratios, settled_peak, simulate
+from replication.joint import Joint, identified_joint, ratios, settled_peak, simulate
 from replication.records import load_clean_records
-from replication.signature import FloatArray
+from replication.signature import TURN, FloatArray
+from studies.identification import FIT_LEVELS, errors_in_turn, identify_joint
 
 # Sharpness of the edge [1/rad] at which the joint is identified anew, from sharp to soft.
 ALPHAS = (1e6, 1e5, 1e4, 1e3)
@@ -53,7 +53,8 @@ def _plain_steps(y, speeds, lead_steps, delta, step, j):
             late = step * (0.0, 0.5, 0.5, 1.0)[k]
             x = stage[0] / j.N - stage[2]
             side = 0 if j.clamped and abs(x) <= delta else np.sign(x)
-            rates = simulator.rates(t + late, stage, command, delta, side, j)
+            held = simulator.Held(command, delta, side)
+            rates = simulator.rates(t + late, stage, held, j)
             total = simulator.advance(total, step * (1 / 6, 1 / 3, 1 / 3, 1 / 6)[k], rates)
             stage = simulator.advance(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
         y = total

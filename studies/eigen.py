@@ -8,7 +8,7 @@ is taken in order, without BLAS.
 
 import numpy as np
 
-from replication import njit
+from replication.compilation import njit
 from replication.signature import FloatArray
 
 EPSILON = 2.0**-53  # relative rounding error

@@ -15,10 +15,10 @@ from numpy.random import Generator
 from pandas import DataFrame
 
 from backlash.estimates import Estimate, estimate
-from replication import njit
-from replication.joint import GRAVITY, TURN, Joint, identified_joint, simulate
+from replication.compilation import njit
+from replication.joint import GRAVITY, Joint, identified_joint, simulate
 from replication.published import Measured
-from replication.signature import FloatArray
+from replication.signature import TURN, FloatArray
 from studies.datasheet import describe_answer, summarise
 
 SEED = 520617

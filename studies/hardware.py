@@ -15,9 +15,8 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 
 from backlash.estimates import Estimate, estimate
-from replication.joint import TURN
 from replication.records import public_file
-from replication.signature import FloatArray
+from replication.signature import TURN, FloatArray
 
 _SMOOTHING_S = 0.02  # of the speed that a rigid load follows
 _REST_RAD_S = 0.02

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from replication import pinned_environment
+from replication.compilation import pinned_environment
 from replication.files import ROOT, as_csv
 
 Row = dict[str, Any]
@@ -25,10 +25,12 @@ class Kept(NamedTuple):
 
 def remake_realisation(row: Row) -> Row:
     """Thirty runs of a row of Table 2 on one noise."""
-    from replication import table2
+    from studies import realisations
 
-    settings = {each.protocol: each for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)}
-    return table2.realise(settings[row["protocol"]], row["row"], row["realisation"])
+    settings = {
+        each.protocol: each for each in (*realisations.SETTINGS, *realisations.DRAWN_STARTS)
+    }
+    return realisations.realise(settings[row["protocol"]], row["row"], row["realisation"])
 
 
 def remake_prediction(row: Row) -> Row:
@@ -63,9 +65,9 @@ def remake_population(row: Row) -> Row:
 
 def remake_noise_error(row: Row) -> Row:
     """The error of one fit of some turns of a noisy record."""
-    from studies import claims
+    from studies import experiments
 
-    table = claims.kept_noise_errors([int(row["noise"])])
+    table = experiments.kept_noise_errors([int(row["noise"])])
     same = (table["delta_rad"].round(9) == row["delta_rad"]) & (table["turns"] == row["turns"])
     return table[same].iloc[0].to_dict()
 

@@ -17,11 +17,12 @@ from pandas import DataFrame
 from scipy import optimize, stats
 
 from replication import misfit
+from replication.best_fit import best_fit
 from replication.cmaes import generations, search
 from replication.records import LOW_NOISE, Recording, load_noisy
 from replication.signature import FloatArray, Parameters, h
-from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, best_fit, search_box
-from studies.rates import rate_columns
+from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, search_box
+from studies.intervals import rate_columns
 
 # What the authors' notebook spends: 300 members in 200 generations.
 POPULATION = 300

@@ -16,6 +16,7 @@ import pandas as pd
 from scipy import optimize
 
 from replication import published, table2
+from replication.best_fit import best_fit
 from replication.cmaes import generations, search
 from replication.misfit import PROJECTED, cost, fold, project
 from replication.records import Recording, add_noise, simulate_clean
@@ -133,7 +134,7 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
         "cma": (slow_runs, of(lambda *job: run_cma(*job)[0])),
         "cmaes": (slow_runs, of(run_cmaes)),
     }
-    limit = table2.best_fit(record).rmse * (1 + BASIN_GAP)
+    limit = best_fit(record).rmse * (1 + BASIN_GAP)
     rows = [_time_search(name, *method, limit) for name, method in methods.items()]
     columns = ["search", "runs", "best_minimum", "seconds_a_run", "seconds_to_99_percent"]
     return pd.DataFrame(rows, columns=columns)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from replication import njit
+from replication.compilation import njit
 from replication.signature import FloatArray
 
 TURN = 2 * math.pi

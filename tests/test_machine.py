@@ -169,7 +169,7 @@ SETTINGS = {
 }
 COMPILE = """
 import sys
-from replication import njit
+from replication.compilation import njit
 from replication.files import UserError
 try:
     njit(abs)

@@ -21,7 +21,7 @@ from nbclient.exceptions import CellControlSignal, CellExecutionError
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication import pinned_environment
+from replication.compilation import pinned_environment
 from replication.files import ROOT, DataUnavailable, UserError, write_bytes, write_files, write_text
 from workbook.sources import listed_exports
 from workbook.stamps import new_stamp

@@ -56,7 +56,7 @@ def _pooled(numbers: Numbers) -> list[float]:
 def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
     """Rule 2: the numbers that agree with ours."""
     if isinstance(numbers, Mapping):
-        from replication.evidence import prediction_interval  # with the search, slow to import
+        from studies.intervals import prediction_interval  # with SciPy, slow to import
 
         return prediction_interval(_pooled(numbers))
     tolerance = published.tolerance(cell)
@@ -125,7 +125,7 @@ def judge_number(id: str, source: str, numbers: Numbers, notebook: str = "") -> 
 
 
 def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed number in the paper's order, by the notebooks' outcomes and the paper's own numbers.
+    """Judge every printed number in the paper's order, by the notebooks' outcomes.
 
     Raises
     ------
@@ -141,8 +141,6 @@ def verdicts(results: Path) -> pd.DataFrame:
             if "notebook" in ours[row["id"]]:
                 raise _exported_twice(row["id"], ours[row["id"]]["notebook"], name)
             ours[row["id"]] = row | {"notebook": name}
-    for cell, number in published.derived_numbers().items():
-        ours[cell]["numbers"] = number
     is_ours = published.cells()["source"] != "taken over"
     for cell in published.cells().index[is_ours]:
         if not np.isfinite(_pooled(ours[cell]["numbers"])).all():

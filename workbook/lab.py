@@ -9,7 +9,7 @@ from pathlib import Path
 import nbformat
 from nbformat.sign import NotebookNotary
 
-from replication import pinned_environment
+from replication.compilation import pinned_environment
 from replication.files import ROOT, DataUnavailable, write_text
 from replication.records import AUTHORS_FILES, authors_file
 from workbook.sources import NOTEBOOKS, notebook_sources

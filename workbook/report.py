@@ -14,8 +14,9 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from replication import evidence, published, table2
+from replication import published, table2
 from replication.files import UserError, as_csv, as_json, read_committed, write_files
+from studies import multiverse, realisations
 from workbook import judging
 from workbook.outcomes import kept_table, load_outcomes, read_kept, read_made
 from workbook.provenance import provenance
@@ -75,7 +76,7 @@ def write_p(p: float, least: float = 0.0) -> str:
     return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
-def write_rejections(tests: evidence.Rejections) -> str:
+def write_rejections(tests: multiverse.Rejections) -> str:
     """Write how many tests reject: "none of 36 tests"."""
     if tests.tests == 0:
         return "none (too few tables) of 0 tests"
@@ -199,8 +200,8 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "by_source": count_by(cells, "source", judging.SOURCES),
         "means": describe_table2(cells, "mean"),
         "sds": describe_table2(cells, "sd"),
-        "evidence": evidence.describe_multiverse(
-            table2.read_realisations(kept_table("table2_realisations")),
+        "evidence": multiverse.describe_multiverse(
+            realisations.read_realisations(kept_table("table2_realisations")),
             read_made("table2_multiverse"),
         ),
         "hardware": describe_hardware(),

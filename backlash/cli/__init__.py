@@ -11,7 +11,7 @@ from pathlib import Path
 from backlash.cli.options import Exit, parser
 from backlash.example import write_example
 from backlash.refusals import one_line
-from replication import pinned_environment
+from replication.compilation import pinned_environment
 from replication.files import DISK_IS_FULL, UserError
 
 # Of an output that takes no more: whoever read a pipe has seen enough, or a disk is full.

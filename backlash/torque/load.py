@@ -47,7 +47,7 @@ from backlash.torque.unknowns import (
     STIFFNESS,
 )
 from backlash.turns import TURN, ComplexArray, Harmonics
-from replication import njit
+from replication.compilation import njit
 from replication.signature import FloatArray
 
 # From rest, unless a turn ends nearer to where it began: Newton's method alone may find an orbit that no load keeps to.

@@ -27,6 +27,7 @@
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
+from replication.sentences import measure_public_files
 
 import workbook
 from replication import characteristic, published
@@ -37,7 +38,6 @@ from replication.records import (
     load_clean_records,
     load_noisy,
 )
-from replication.sentences import measure_public_files
 from studies import claims as studies
 from studies import edge, engine, optimizers
 from workbook import Change

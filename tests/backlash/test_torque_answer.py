@@ -14,7 +14,7 @@ from backlash.load_data import LoadData, load_from_masses
 from backlash.torque import answer as rules
 from backlash.torque.problem import measure_turn, state_problem
 from backlash.torque.search import evaluate
-from replication import pinned_environment
+from replication.compilation import pinned_environment
 from replication.files import ROOT
 from replication.joint import GRAVITY
 from replication.records import Recording

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from replication.sentences import printed_rows
 from scipy import stats
 
 from replication import published
 from replication.characteristic import equation_10
 from replication.cmaes import constants, generations, update
 from replication.records import load_clean, load_noisy
-from replication.sentences import printed_rows
 from replication.signature import Box, Parameters, Timing, d_b, h, rmse
 from replication.table2 import NOISE_ROW, NOTEBOOK, noisy_records, search_box
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
+from replication.evidence import MEAN_DEVIATION, SCORES_OF_MEANS, SCORES_OF_SDS
 
 from replication import evidence, published, table2
-from replication.evidence import MEAN_DEVIATION, SCORES_OF_MEANS, SCORES_OF_SDS
 from replication.table2 import DRAWN, DRAWN_STARTS, NOTEBOOK, ROWS, SETTINGS, WHOLE
 
 

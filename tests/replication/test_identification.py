@@ -5,9 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
-
-from replication import identification, published
 from replication.identification import (
     errors_in_turn,
     identify_joint,
@@ -15,9 +12,12 @@ from replication.identification import (
     reidentify_joint,
     settled_sd,
 )
+from replication.standins import clean_record
+from scipy import stats
+
+from replication import identification, published
 from replication.joint import change, identified_joint, ratios, settled_peak, simulate
 from replication.records import CLEAN_LEVELS, load_clean_records
-from replication.standins import clean_record
 from replication.table2 import theoretical_amplitudes
 
 JOINT = identified_joint()

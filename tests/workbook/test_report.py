@@ -6,9 +6,9 @@ import shutil
 from unittest.mock import Mock
 
 import pytest
+from replication.evidence import Rejections
 
 from replication import published
-from replication.evidence import Rejections
 from replication.files import UserError
 from workbook import ROOT, judging, outcomes, report
 from workbook.sources import RESULTS

@@ -14,10 +14,11 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from replication import characteristic, published
-from replication.joint import TURN, Joint, Wave, change, identified_joint, simulate
+from replication.best_fit import best_fit
+from replication.joint import Joint, Wave, change, identified_joint, simulate
 from replication.records import Recording
-from replication.signature import FloatArray
-from replication.table2 import NOTEBOOK, best_fit, repeated_fits, summarise_runs
+from replication.signature import TURN, FloatArray
+from replication.table2 import NOTEBOOK, repeated_fits, summarise_runs
 
 SAMPLE = 2e-3
 TURNS = 12  # of a log
@@ -79,7 +80,7 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
         load_viscous=viscous / (joint.Omega / joint.N),
         motor_coulomb=motor_coulomb,
         motor_viscous=motor_viscous / joint.Omega,
-        encoder_step=TURN / 2 ** int(published.value("text.encoder_bits")),
+        encoder_step=characteristic.encoder_step_rad(),
         lead=joint.turn_period,
         waves=waves,
     )

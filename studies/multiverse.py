@@ -10,7 +10,7 @@ may stand in a table, so the printed score is ranked among tables recombined row
 or the start, it is ranked among the whole tables. If the printed table is one of ours, either p is uniform.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -20,33 +20,18 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
-from replication.table2 import DRAWN, DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
+from replication.signature import FloatArray
+from replication.table2 import DRAWN, DRAWN_STARTS, ROWS, SETTINGS, WHOLE
+from studies.claims import Numbers, span
+from studies.intervals import prediction_interval
 
 DRAWS = 20_000  # tables recombined for a p
 LEVEL = 0.05
 TOGETHER = "together"  # all settings of a start
 INSIDE = "in interval"
 
-Floats = NDArray[np.float64]
 
-
-# --------------------------------------------------------------------------------------------------- one number
-
-
-def prediction_interval(
-    numbers: Sequence[float] | Floats, level: float = 0.95
-) -> tuple[float, float]:
-    """Ends between which one more number like these lies with at least this probability, whatever their law.
-
-    Of N numbers in order, one more lies between the k-th from either end with the probability 1 - 2 k / (N + 1); k is
-    the largest that gives `level`. Infinite where N is too small: below 39 for 95 %.
-    """
-    ranked = np.sort(numbers)
-    k = int((ranked.size + 1) * (1 - level) / 2 + 1e-9)
-    return (float(ranked[k - 1]), float(ranked[-k])) if k else (-np.inf, np.inf)
-
-
-def count_inside(printed: Floats, ours: Floats) -> float:
+def count_inside(printed: FloatArray, ours: FloatArray) -> float:
     """How many printed numbers, shape (rows, 1), lie in the intervals of ours, (rows, N); nan if N is too small."""
     ends = np.array([prediction_interval(row) for row in ours])
     if not np.isfinite(ends).all():
@@ -60,10 +45,10 @@ def count_inside(printed: Floats, ours: Floats) -> float:
 class Tables(NamedTuple):
     """Means of A over theoretical A, and SDs of A [rps], of N tables, each of shape (10, N)."""
 
-    ratios: Floats
-    sds: Floats
+    ratios: FloatArray
+    sds: FloatArray
 
-    def numbers(self) -> dict[str, Floats]:
+    def numbers(self) -> dict[str, FloatArray]:
         """The numbers that are tested together, by name."""
         return {"means": self.ratios, "SDs": self.sds, "SDs of rows 1 to 9": self.sds[:9]}
 
@@ -78,7 +63,7 @@ def printed_table() -> Tables:
 
 
 def arrange_tables(realisations: pd.DataFrame) -> Tables:
-    """Arrange the rows of `table2.read_realisations` as whole tables."""
+    """Arrange the rows of `realisations.read_realisations` as whole tables."""
     of_rows = realisations[realisations["row"].isin(ROWS)]
     made = ["protocol", "realisation"]
     wide = of_rows.pivot(index="row", columns=made, values=["mean_A_rps", "sd_A_rps"])
@@ -86,20 +71,20 @@ def arrange_tables(realisations: pd.DataFrame) -> Tables:
     return Tables(wide["mean_A_rps"].to_numpy() / theoretical, wide["sd_A_rps"].to_numpy())
 
 
-def squared_logs(numbers: Floats) -> Floats:
+def squared_logs(numbers: FloatArray) -> FloatArray:
     """Squared deviation of each logarithm from its row's median, in half distances of the 16 and 84 % quantiles."""
     logs = np.log(numbers)
     low, middle, high = np.quantile(logs, [0.16, 0.5, 0.84], axis=1)[..., None]
     return (2 * (logs - middle) / (high - low)) ** 2
 
 
-def rank_scores(numbers: Floats) -> Floats:
+def rank_scores(numbers: FloatArray) -> FloatArray:
     """-2 ln p of each number's two-sided rank in its row."""
     below, above = (stats.rankdata(each, "max", axis=1) for each in (numbers, -numbers))
     return -2 * np.log(np.minimum(1, 2 * np.minimum(below, above) / numbers.shape[1]))
 
 
-def relative_errors(ratios: Floats) -> Floats:
+def relative_errors(ratios: FloatArray) -> FloatArray:
     """|mean of A over theoretical A - 1|."""
     return np.abs(ratios - 1)
 
@@ -107,11 +92,11 @@ def relative_errors(ratios: Floats) -> Floats:
 class Score(NamedTuple):
     """What a test compares: a number for each row of a table, and how a table's numbers become one."""
 
-    of_rows: Callable[[Floats], Floats]  # shape (rows, N) both
-    combine: Callable[..., Floats]  # along an axis
+    of_rows: Callable[[FloatArray], FloatArray]  # shape (rows, N) both
+    combine: Callable[..., FloatArray]  # along an axis
     two_sided: bool = False
 
-    def of_tables(self, numbers: Floats) -> Floats:
+    def of_tables(self, numbers: FloatArray) -> FloatArray:
         """Score N tables, numbers of shape (rows, N)."""
         return self.combine(self.of_rows(numbers), axis=0)
 
@@ -136,13 +121,13 @@ def _draw_tables(rows: int, tables: int, draws: int) -> NDArray[np.int64]:
     return np.random.default_rng(1).integers(tables, size=(rows, draws))
 
 
-def recombine(rows: Floats, combine: Callable[..., Floats]) -> Floats:
+def recombine(rows: FloatArray, combine: Callable[..., FloatArray]) -> FloatArray:
     """Score `DRAWS` tables that are put together of rows drawn independently; their scores have shape (rows, N)."""
     chosen = _draw_tables(*rows.shape, DRAWS)
     return combine(np.take_along_axis(rows, chosen, axis=1), axis=0)
 
 
-def p_values(score: Score, numbers: Floats, by_rows: bool) -> Floats:
+def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
     """Share of tables that score as far out as each of N, numbers of shape (rows, N): its p as one of them.
 
     The share is of tables recombined row by row and itself, or of the N whole tables.
@@ -177,7 +162,7 @@ def make_multiverse(realisations: pd.DataFrame, printed: Tables | None = None) -
     Parameters
     ----------
     realisations : DataFrame
-        `table2.read_realisations`.
+        `realisations.read_realisations`.
     printed : Tables, optional
         A table to test in place of the printed one.
 
@@ -267,31 +252,34 @@ READINGS = {
 }
 
 
-def decide_random_start(
-    multiverse: pd.DataFrame, criteria: published.Criteria = None
-) -> published.Decision:
-    """Decide whether the search begins at a random sample, whichever way the text is read, by the mean deviation.
+def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria = None) -> Numbers:
+    """Whether the search begins at a random sample, whichever way the text is read, by p of the mean deviation.
 
-    What was measured: p of the mean deviation over the settings, and which scores exclude a reading.
+    Compared are the largest p of the whole record and of a drawn start, and nothing where both are excluded.
     """
     limit = published.criterion("random_start", criteria)
     alone = multiverse[multiverse["settings"] != TOGETHER]
+    settings = alone.groupby("start")["settings"].nunique()
     deviation = alone[alone["score"] == MEAN_DEVIATION].groupby("start")["p"].agg(["min", "max"])
-    whole, drawn = deviation.loc[WHOLE, "max"], deviation.loc[[*READINGS], "max"].max()
-    compared = (whole, drawn) if max(whole, drawn) >= limit else (np.nan, np.nan)
-    ends = {
-        start: " to ".join(dict.fromkeys(f"{p:.1g}" for p in deviation.loc[start]))
-        for start in STARTS
-    }
-    words = [
-        f"{reading} p = {ends[start]}, excluded at {100 * limit:g} % by {name_exclusions(multiverse, start, limit)}"
+    compared = {"whole_p": deviation.loc[WHOLE, "max"]}
+    compared["drawn_p"] = deviation.loc[[*READINGS], "max"].max()
+    if max(compared.values()) < limit:
+        compared = dict.fromkeys(compared, np.nan)
+    rows = [
+        {
+            "reading": reading,
+            "p": span(deviation.loc[start], ".1g"),
+            "limit": limit,
+            "excluded_by": name_exclusions(multiverse, start, limit),
+        }
         for start, reading in READINGS.items()
     ]
-    of_start = alone.groupby("start")["settings"].nunique()
-    return published.decide("random_start", compared, criteria), (
-        f"mean deviation, the start drawn {'; '.join(words)}; whole record p = {ends[WHOLE]}. Drawn under "
-        f"{of_start[[*READINGS]].max()} of the {of_start[WHOLE]} settings"
-    )
+    return compared | {
+        "p_of_whole": span(deviation.loc[WHOLE], ".1g"),
+        "whole_settings": settings[WHOLE],
+        "drawn_settings": settings[[*READINGS]].max(),
+        "rows": rows,
+    }
 
 
 class Start(NamedTuple):
@@ -312,7 +300,7 @@ class Start(NamedTuple):
 
 
 def describe_start(realisations: pd.DataFrame, multiverse: pd.DataFrame, start: str) -> Start:
-    """Gather what is said of a start, from `table2.read_realisations` and `make_multiverse` of them."""
+    """Gather what is said of a start, from `realisations.read_realisations` and `make_multiverse` of them."""
     (ours, *_), printed = _together(realisations, start), printed_table()
     chosen = multiverse[multiverse["start"] == start].set_index("numbers")
     p = largest_p(multiverse, start, LEVEL)
@@ -347,7 +335,7 @@ def _together(realisations: pd.DataFrame, start: str) -> Tables:
 
 
 def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, object]:
-    """What the report says of Table 2 as a whole, from `table2.read_realisations` and `make_multiverse` of them."""
+    """What the report says of Table 2 as a whole, from the kept realisations and `make_multiverse` of them."""
     ours, printed = _together(realisations, WHOLE), printed_table()
     drawn = np.concatenate([_together(realisations, start).sds[9] for start in DRAWN])
     together = multiverse[(multiverse["start"] == WHOLE) & (multiverse["settings"] == TOGETHER)]
@@ -360,7 +348,6 @@ def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) ->
         "least_p": float(together["least_p"].min()),
         "sds_hang_on": find_what_decides(multiverse, WHOLE, "SDs"),
         "scores": len(SCORES_OF_MEANS),
-        "row10": float(printed.sds[9, 0]),
         "row10_smallest": float(ours.sds[9].min()),
         "row10_below": int((ours.sds[9] > printed.sds[9]).sum()),
         "row10_drawn": drawn.size,

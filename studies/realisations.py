@@ -1,0 +1,116 @@
+"""Table 2 again and again, each time with a noise and seeds of its own, under each of its settings and starts.
+
+`results/table2_realisations.csv` keeps the means and SDs, because they take hours.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+
+from replication import published
+from replication.files import ROOT, check_kept, write_kept
+from replication.records import (
+    Recording,
+    add_noise,
+    constant_speed,
+    from_sample,
+    load_clean,
+    simulate_clean,
+)
+from replication.table2 import (
+    DRAWN_STARTS,
+    LEVELS,
+    NOISE_ROW,
+    ROWS,
+    RUNS,
+    SETTINGS,
+    WHOLE,
+    SearchSettings,
+    basin_labels,
+    fit,
+)
+
+REALISATIONS = ROOT / "results" / "table2_realisations.csv"
+STUDY_SEED = 2027
+FIRST_SAMPLES = 100  # of which the text draws the start
+NUMBER = 40  # of tables under each setting
+NOISE_ROWS = 10  # of row 11, noise alone, with the whole record
+
+
+def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Generator) -> np.ndarray:
+    """Draw the first samples of a row's thirty fits, for each fit, row or table; shape (30,)."""
+    if settings.start == WHOLE:
+        return np.zeros(RUNS, int)
+    if settings.start == "per table":  # whose rows share a stream
+        rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation))
+    drawn = rng.integers(FIRST_SAMPLES, size=RUNS if settings.start == "per fit" else 1)
+    return np.broadcast_to(drawn, RUNS)
+
+
+def noisy_records(
+    settings: SearchSettings, row: int, realisation: int
+) -> list[tuple[Recording, int]]:
+    """Draw a noise of the printed amplitude, and of each of a row's thirty fits the record and the seed.
+
+    No other settings have the same. Row 1's clean record is not public, so our joint's takes its place.
+    """
+    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
+    if row == NOISE_ROW:
+        clean = constant_speed()
+    else:
+        level = LEVELS[row - 1]
+        clean = simulate_clean(level) if row == 1 else load_clean(level)
+    record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+    starts = draw_starts(settings, realisation, rng)
+    seeds = rng.integers(1, 2**31, RUNS)
+    return [
+        (from_sample(record, int(start)), int(seed))
+        for start, seed in zip(starts, seeds, strict=True)
+    ]
+
+
+def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, object]:
+    """Make one row of Table 2 again: the mean and SD [rps] over thirty runs, and the best basin's share of them."""
+    records = noisy_records(settings, row, realisation)
+    fits = [fit(record, settings, seed) for record, seed in records]
+    A = np.array([each.X.A if row == NOISE_ROW else each.amplitude_rps for each in fits])
+    in_best = basin_labels(np.array([each.rmse for each in fits])) == 1
+    return {
+        "protocol": settings.protocol,
+        "realisation": realisation,
+        "row": row,
+        "mean_A_rps": A.mean(),
+        "sd_A_rps": A.std(ddof=1),
+        "best_basin_share": in_best.mean(),
+    }
+
+
+def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
+    """The realisations that are kept, under each protocol as many of each of rows 1 to 10: the rows of `realise`."""
+    check_kept(path)
+    table = pd.read_csv(path)
+    made = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size()
+    whole = made.groupby("protocol").min()
+    return table[table["realisation"] <= table["protocol"].map(whole)]
+
+
+def plan_realisation(realisation: int) -> list[tuple[SearchSettings, int, int]]:
+    """List the settings and rows of one realisation, as `realise` takes them."""
+    rows = (*ROWS, NOISE_ROW) if realisation <= NOISE_ROWS else ROWS
+    plan = [(settings, row, realisation) for settings in SETTINGS for row in rows]
+    return plan + [(settings, row, realisation) for settings in DRAWN_STARTS for row in ROWS]
+
+
+def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> None:
+    """Make Table 2 again so many times under each setting, into a table that grows; it resumes if interrupted."""
+    table = pd.read_csv(path) if path.exists() else pd.DataFrame()
+    made = {(row["protocol"], row["row"], row["realisation"]) for row in table.to_dict("records")}
+    for realisation in range(1, number + 1):
+        plan = plan_realisation(realisation)
+        missing = [each for each in plan if (each[0].protocol, *each[1:]) not in made]
+        rows = Parallel(n_jobs=-1)(delayed(realise)(*each) for each in missing)
+        if rows:
+            table = pd.concat([table, pd.DataFrame(rows)])
+            write_kept(path, table)
