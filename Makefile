@@ -86,11 +86,10 @@ INSTALL = @[ -w . ] || { echo 'This folder is read-only: copy it to where you ma
 # A notebook is due when this checkout has not run it yet, when what it made is no longer as it was, or when it, a
 # package or a kept table that it reads has changed since. `run` makes its stamp; none is made where the authors' files
 # could not be had.
-PACKAGES := $(wildcard replication/*.py replication/data/*.* workbook/*.py)
-BEYOND := $(wildcard backlash/*.py backlash/*/*.py backlash/data/* studies/*.py studies/*/*.py studies/*.csv)
+PACKAGES := $(wildcard replication/*.py replication/data/*.* backlash/*.py backlash/*/*.py backlash/data/* studies/*.py workbook/*.py)
 .make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
 	@$(RUN) run $<
-.make/%.ran: notebooks/beyond/%.py $(PACKAGES) $(BEYOND) .venv/.installed
+.make/%.ran: notebooks/beyond/%.py $(PACKAGES) .venv/.installed
 	@$(RUN) run $<
 
 # NAME.py that reads results/TABLE.csv makes this a prerequisite of .make/NAME.ran.

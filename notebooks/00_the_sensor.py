@@ -10,10 +10,11 @@ import pandas as pd
 
 import workbook
 from replication import figures, published
+from replication.best_fit import best_fit
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
 from replication.signature import Parameters, Timing
-from replication.table2 import BASIN_GAP, SearchSettings, best_fit, fit
+from replication.table2 import BASIN_GAP, SearchSettings, fit
 from workbook import Change
 
 workbook.say_times("00_the_sensor")

@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit, newton
 
 import workbook
-from replication import figures, published, sentences
+from replication import figures
 from replication.joint import change, identified_joint, ratios, simulate
+from studies import claims as measures
 from workbook import Change
 
 workbook.say_times("01_the_joint")
@@ -382,7 +383,7 @@ workbook.show(
 ALPHA = 1e5
 share = K_BL(0.0, ALPHA) / joint.K_s
 jump = tau_l(-1e-15, ALPHA) - tau_l(1e-15, ALPHA)
-claims = published.decide_all(sentences.measure_dead_zone(joint))
+claims = measures.decide(measures.measure_dead_zone(joint))
 workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at "
     f"{rings}; {by_terms}, two springs alone {springs.iloc[0]:.1f} Hz and no "

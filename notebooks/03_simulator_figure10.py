@@ -7,7 +7,6 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from replication.identification import FIT_LEVELS, identify_joint
 
 import workbook
 from replication import figures, table2
@@ -25,6 +24,7 @@ from replication.records import (
     level_delta_rad,
     load_clean_records,
 )
+from studies.identification import FIT_LEVELS, identify_joint
 from workbook import Change
 
 workbook.say_times("03_simulator_figure10")

@@ -13,7 +13,7 @@ from scipy.optimize import newton
 from scipy.signal import find_peaks
 
 import workbook
-from replication import figures, published, sentences, table2
+from replication import figures, published, table2
 from replication.joint import (
     allowed_factors,
     change,
@@ -31,6 +31,7 @@ from replication.records import (
     load_noisy,
     noise_half_amplitude_rps,
 )
+from studies import claims as measures
 from workbook import Change
 
 workbook.say_times("04_growth_figure11")
@@ -325,8 +326,8 @@ cells = {f"table2.row{row:02d}.noise": a for row, a in rows} | {
     "text.impacts_per_turn": risen.size,
     "text.half_turn": lag / TURN,
 }
-clean = sentences.measure_records(load_clean_records(CLEAN_LEVELS))
-claims = published.decide_all(sentences.measure_disturbance(clean))
+clean = measures.measure_records(load_clean_records(CLEAN_LEVELS))
+claims = measures.decide(measures.measure_disturbance(clean))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 step = peaks["amplitude_rps"].diff()

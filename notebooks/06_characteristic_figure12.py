@@ -10,7 +10,8 @@ import pandas as pd
 from scipy.optimize import brentq
 
 import workbook
-from replication import characteristic, figures, joint, published, sentences
+from replication import characteristic, figures, joint, published
+from studies import claims as measures
 from workbook import Change
 
 workbook.say_times("06_characteristic_figure12")
@@ -88,7 +89,7 @@ workbook.check_parameters(
     left_out=[range(1, 11), []],
     changes=dict.fromkeys(joint.ratios(identified), (0.5, 2)),
     degree=range(1, 7),
-    criteria=dict.fromkeys(sentences.OF_EQUATION_10, (-1e3, 1e3)),
+    criteria=dict.fromkeys(measures.OF_EQUATION_10, (-1e3, 1e3)),
 )
 with workbook.explain("left_out", left_out):
     if len(set(left_out)) > 5:
@@ -271,24 +272,10 @@ arithmetic = characteristic.table_arithmetic()
 arithmetic.round(3)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-bounds = published.cells("Table 1").pivot(
-    index="row", columns="column", values="value"
+of_text = characteristic.numbers_of_the_text()
+of_text["blocks"] = len(
+    ("motor with encoder", "transmission", "load", "control loops")
 )
-encoder_step = 2 * np.pi / 2 ** published.value("text.encoder_bits")
-of_text = {
-    "error_rad_small": error.iloc[0],
-    "error_rad_large": error.max(),
-    "levels": theoretical.size,
-    "delta_min": points["by A in rpm"].iloc[0],
-    "delta_max": points["by A in rpm"].iloc[-1],
-    "delta_step": points["by A in rpm"].diff().mean(),
-    "encoder_step": encoder_step,
-    "error_limit_percent": published.column("Table 2", "relative_error").max(),
-    "figure11_signals": theoretical.size,
-    "figure12_points": theoretical.size,
-    "parameters": (bounds["min"] < bounds["max"]).sum(),
-    "blocks": len(("motor with encoder", "transmission", "load", "control loops")),
-}
 
 # %% [markdown]
 # ## Verdict
@@ -299,10 +286,10 @@ of_text = {
 tables = arithmetic["element"].str.lower().str.replace(" ", "")
 ids = tables + arithmetic["row"].map(".row{:02d}.relative_error".format)
 cells |= dict(zip(ids, arithmetic["relative_error_percent"], strict=True))
-cells |= {f"text.{name}": float(number) for name, number in of_text.items()}
+cells |= {f"text.{name}": number for name, number in of_text.items()}
 cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
 
-claims = published.decide_all(sentences.measure_equation_10(), criteria)
+claims = measures.decide(measures.measure_equation_10(), criteria)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(

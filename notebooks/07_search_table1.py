@@ -16,6 +16,7 @@ from IPython.display import Code
 
 import workbook
 from replication import cmaes, figures, misfit, table2
+from replication.best_fit import best_fit
 from replication.records import load_clean
 from replication.signature import Box, Parameters
 from workbook import Change
@@ -73,7 +74,7 @@ seeds = [*dict.fromkeys(seeds)]  # each once
 # %%
 clean = load_clean(12)
 misfits = misfit.cost(clean.t, clean.v, table2.NOTEBOOK.timing)
-best = table2.best_fit(clean, table2.NOTEBOOK)
+best = best_fit(clean)
 
 
 def misfits_of_two(points):  # of columns t0 and omega

@@ -13,17 +13,14 @@ import pandas as pd
 from scipy.signal import find_peaks
 
 import workbook
-from replication import (
-    cmaes,
-    evidence,
-    figures,
-    misfit,
-    published,
-    sentences,
-    table2,
-)
+from replication import cmaes, figures, misfit, published, table2
+from replication.best_fit import best_fit
 from replication.records import load_clean
 from replication.signature import Box, h
+from studies import claims as measures
+from studies.drawings import draw_table2
+from studies.intervals import prediction_interval
+from studies.realisations import read_realisations
 from workbook import Change
 
 workbook.say_times("08_noise_table2")
@@ -61,7 +58,7 @@ workbook.check_parameters(
     runs_each=range(2, 1001),
     population=range(4, 5001),
     shown_row=range(1, 11),
-    criteria=dict.fromkeys(sentences.OF_TABLE2, (0, 100)),
+    criteria=dict.fromkeys(measures.OF_TABLE2, (0, 100)),
 )
 
 # %% [markdown]
@@ -70,7 +67,7 @@ workbook.check_parameters(
 # ### Thirty runs on one record
 #
 # Runs that end at nearly the same RMSE are in one [basin](glossary.md#basin). The lowest RMSE of
-# the runs may itself be a local minimum, so `table2.best_fit` looks for the global one (below).
+# the runs may itself be a local minimum, so `best_fit` looks for the global one (below).
 # *Predict:* do thirty runs on one noisy record end at one $A$?
 
 # %%
@@ -79,7 +76,7 @@ records = table2.table2_records(sorted(set(public)))
 fits = table2.repeated_fits(records, settings, range(1, runs_each + 1))
 
 # %%
-minima = [table2.best_fit(record, settings).rmse for _, record in records]
+minima = [best_fit(record, settings).rmse for _, record in records]
 of_records = fits.groupby(["realisation", "row"], sort=False)
 lowest = of_records["rmse_rps"].transform("min")
 lowest = np.minimum(lowest, np.repeat(minima, runs_each))
@@ -137,7 +134,7 @@ def project(v, u):  # A and v_t of the least misfit, and that misfit
 
 # %%
 record = records[shown_row - 1][1]
-best = table2.best_fit(record, settings)
+best = best_fit(record, settings)
 starts = np.linspace(0, 0.4, 401)
 shapes = [h(record.t, best.X._replace(A=1.0, t0=t0)) for t0 in starts]
 curve = np.array([project(record.v, u)[2] for u in shapes])
@@ -209,15 +206,13 @@ workbook.say(
 # %% [markdown]
 # ### The error without noise
 #
-# `table2.best_fit` of the noise-free records of rows 2 to 10 (row 1's is not public), in percent of the
+# `best_fit` of the noise-free records of rows 2 to 10 (row 1's is not public), in percent of the
 # [theoretical $A$](glossary.md#theoretical-a), beside the printed means. *Predict:* is it zero?
 
 # %%
 theoretical = pd.Series(published.column("Table 2", "theoretical"), range(1, 12))
 means = pd.Series(published.column("Table 2", "mean"), range(1, 12))
-own = {
-    row: table2.best_fit(load_clean(table2.LEVELS[row - 1])) for row in range(2, 11)
-}
+own = {row: best_fit(load_clean(table2.LEVELS[row - 1])) for row in range(2, 11)}
 own_A = pd.Series({row: fit.amplitude_rps for row, fit in own.items()})
 own_error = pd.DataFrame(
     {"without noise [%]": 100 * (own_A / theoretical - 1)}
@@ -259,7 +254,7 @@ workbook.say(f"{between.mean():.3f} of the draws, {1 - 2 / 6:.3f} expected.")
 # paper used one at most: both make agreement easier.
 
 # %%
-kept = table2.read_realisations()
+kept = read_realisations()
 kept = kept[kept["protocol"].isin([each.name for each in table2.SETTINGS])]
 of_rows = kept.groupby("row")
 regions = pd.DataFrame({"theoretical": theoretical})
@@ -267,14 +262,14 @@ cells = {}
 for name in ("mean", "sd"):
     regions[name] = pd.Series(published.column("Table 2", name), range(1, 12))
     regions[f"{name}_ours"] = of_rows[f"{name}_A_rps"].median()
-    ends = of_rows[f"{name}_A_rps"].apply(evidence.prediction_interval).tolist()
+    ends = of_rows[f"{name}_A_rps"].apply(prediction_interval).tolist()
     regions[[f"{name}_low", f"{name}_high"]] = ends
     for row, part in of_rows:
         by_setting = part.groupby("protocol", sort=False)[f"{name}_A_rps"]
         cells[f"table2.row{row:02d}.{name}"] = by_setting.agg(list).to_dict()
 workbook.show_figure(
     "table2_amplitudes",
-    figures.table2(regions),
+    draw_table2(regions),
     f"Means and SDs over {table2.RUNS} runs: printed, and our median and 95 % "
     f"prediction interval of {of_rows.size().loc[1]} tables under "
     f"{kept['protocol'].nunique()} settings.",
@@ -302,7 +297,7 @@ workbook.say(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 table = table2.table2(fits)
-claims = published.decide_all(sentences.measure_table2(kept), criteria)
+claims = measures.decide(measures.measure_table2(kept), criteria)
 failed = share.to_numpy() == 0
 ends = regions.loc[table["row"]].reset_index()
 covered = table["mean_A_rps"].between(ends["mean_low"], ends["mean_high"])

@@ -12,7 +12,9 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import characteristic, figures, joint, published, standins
+from replication import characteristic, figures, joint, published
+from studies import standins
+from studies.drawings import draw_detection
 from workbook import Change
 
 workbook.say_times("09_stand_ins_tables3_4")
@@ -216,7 +218,7 @@ detected = {
 }
 workbook.show_figure(
     "table4_robots",
-    figures.detection(kinds, lines | {"best threshold": best["T"]}, detected),
+    draw_detection(kinds, lines | {"best threshold": best["T"]}, detected),
     f"(a) A of {robots_each} simulated healthy robots and as many with excessive "
     f"backlash. (b) The rates of all thresholds. The $A$ of robot {'AB'[better]}: "
     f"it would detect {100 * true[better]:.0f} % with {100 * false[better]:.0f} % "

@@ -93,7 +93,7 @@ def sum_windows(members, record):
 
 @njit_sums
 def weigh_window(u, record, first):
-    """Sums of u^2, u (v - mean) and u over all windows of a record; they begin with sample `first`, and do not overlap."""
+    """Sums of u^2, u (v - mean) and u over all windows of a record; each begins with sample `first`, none overlap."""
     square = product = total = 0.0
     both_count = record.both_count[first : first + u.size]
     signed_sum = record.signed_sum[first : first + u.size]

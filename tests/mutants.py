@@ -36,7 +36,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 # What computes; figures.py draws, published.py reads tables.
-EQUATIONS = ("replication/*.py", *(f"backlash/{n}.py" for n in ("torque/*", "turns")))
+EQUATIONS = (
+    "replication/*.py",
+    *(f"studies/{n}.py" for n in ("claims", "identification", "multiverse", "standins")),
+    *(f"backlash/{n}.py" for n in ("torque/*", "turns")),
+)
 LEFT_OUT = ("figures.py", "published.py", "__init__.py")
 NOT_COPIED = shutil.ignore_patterns(".git", ".venv", "__pycache__", ".*_cache", ".make")
 CHANGED: dict[type, type] = {

@@ -1,24 +1,25 @@
 """Imports go one way: among the packages, and the paper's files in the order of reading; none is made too early."""
 
 import ast
+import inspect
+import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
+
+from replication import EQUATIONS, NOT_OF_THE_PAPER, READING_ORDER
 
 ROOT = Path(__file__).resolve().parents[1]
 # What each package may import of the others.
 MAY_IMPORT = {
     "replication": set(),
     "backlash": {"replication"},
-    "workbook": {"replication"},
+    "workbook": {"replication", "studies"},
     "studies": {"replication", "backlash"},
 }
-READ_IN_ORDER = (
-    *("files", "published", "signature", "misfit", "cmaes", "joint", "records", "table2"),
-    *("characteristic", "identification", "standins", "figures"),
-)
 
 
 def imported(file: Path) -> set[str]:
@@ -43,17 +44,30 @@ def test_a_package_imports_only_those_below_it(package):
         assert {name.partition(".")[0] for name in names} <= MAY_IMPORT[package] | {package}, file
 
 
-def test_a_notebook_of_the_paper_imports_the_papers_package_and_the_workbook():
+def test_a_notebook_of_the_paper_imports_the_papers_package_the_workbook_and_studies():
     for notebook in (ROOT / "notebooks").glob("[0-9]*.py"):
         packages = {name.partition(".")[0] for name in imported(notebook)}
-        assert packages <= {"replication", "workbook"}, notebook.name
+        assert packages <= {"replication", "workbook", "studies"}, notebook.name
 
 
-@pytest.mark.parametrize("position", range(len(READ_IN_ORDER)))
-def test_a_file_of_the_paper_imports_only_those_before_it(position):
-    own, *later = READ_IN_ORDER[position:]
+def test_the_order_of_reading_has_every_file_of_the_paper():
+    files = {file.stem for file in (ROOT / "replication").glob("*.py")} - {"__init__"}
+    assert files == {*READING_ORDER, *NOT_OF_THE_PAPER}
+
+
+@pytest.mark.parametrize("position", range(len(READING_ORDER)))
+def test_a_file_of_the_paper_imports_only_those_before_it_and_what_reads_and_compiles(position):
+    own = READING_ORDER[position]
     names = {name.split(".")[1] for name in imported(ROOT / "replication" / f"{own}.py")}
-    assert not names & {*later}
+    assert names <= {*READING_ORDER[:position], "files", "compilation"}
+
+
+@pytest.mark.parametrize("number", range(1, 20))
+def test_each_equation_stands_where_the_index_says_under_its_number(number):
+    module, function = EQUATIONS[number].split(".")
+    source = inspect.getsource(getattr(import_module(f"replication.{module}"), function))
+    # Equations 1 to 4 are 5 to 7 in absolute times.
+    assert re.search(rf"[Ee]quation {number if number > 4 else r'[567]'}\b", source)
 
 
 @pytest.mark.parametrize("command", ["backlash", "workbook"])

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-import replication
 from backlash import example
-from replication import joint, published, records
+from replication import compilation, joint, published, records
 from replication.files import UserError
 from tests.logs import command, noisy, write
 from workbook import judging, report
@@ -222,7 +221,7 @@ main(["estimate", "log.csv"])
 
 @pytest.mark.parametrize("chosen", [{}, {"OPENBLAS_CORETYPE": "Prescott"}])
 def test_the_command_computes_alike_on_every_processor_unless_a_kernel_is_chosen(chosen):
-    pinned = replication.pinned_environment()
+    pinned = compilation.pinned_environment()
     environment = {name: value for name, value in os.environ.items() if name not in pinned}
     asked = [sys.executable, "-c", ASK.replace("NAMES", repr([*pinned]))]
     ended = subprocess.run(
@@ -233,8 +232,8 @@ def test_the_command_computes_alike_on_every_processor_unless_a_kernel_is_chosen
 
 
 def test_a_processor_without_avx2_gets_no_code_for_it(monkeypatch):
-    monkeypatch.setattr(replication, "has_avx2", lambda: False)
-    assert replication.pinned_environment()["NUMBA_CPU_NAME"] == "generic"
+    monkeypatch.setattr(compilation, "has_avx2", lambda: False)
+    assert compilation.pinned_environment()["NUMBA_CPU_NAME"] == "generic"
 
 
 def test_an_empty_name_is_no_folder_of_logs(capsys):

@@ -12,7 +12,8 @@ import pandas as pd
 import backlash
 import workbook
 from backlash import plots
-from replication import figures, joint, standins
+from replication import figures, joint, signature
+from studies import standins
 from workbook import Change
 
 workbook.say_times("11_your_own_joint")
@@ -101,7 +102,7 @@ backlash_rad = 1e-3 * backlash_mrad
 
 def log_joint(delta_rad, seed, of=my_joint):  # a table as a recorder writes it
     rng = np.random.default_rng((bench_seed, seed))
-    turning = of._replace(start_angle=rng.uniform(0, joint.TURN))
+    turning = of._replace(start_angle=rng.uniform(0, signature.TURN))
     run = joint.simulate(turning, delta_rad, log_turns * turning.turn_period)
     step = turning.encoder_step
     read = standins.read_encoder(turning, run.t, run.theta_m, step, "encoder")

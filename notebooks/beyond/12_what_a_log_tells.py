@@ -15,7 +15,10 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 import workbook
-from replication import characteristic, figures, joint, records, standins, table2
+from replication import characteristic, figures, joint, records
+from replication.best_fit import best_fit
+from replication.signature import TURN
+from studies import standins
 from workbook import Change
 
 workbook.say_times("12_what_a_log_tells")
@@ -161,7 +164,7 @@ def simulate_harmonics(delta, friction, logarithms, by_encoder):
     step = 1e-9 if by_encoder else 0.0
     made = made._replace(load_coulomb=1e-2 * friction * made.G, encoder_step=step)
     run = joint.simulate(made, 1e-3 * delta, duration=0.4)
-    v = np.diff(run.theta_m) / (joint.TURN * 2e-3) if by_encoder else run.v[:-1]
+    v = np.diff(run.theta_m) / (TURN * 2e-3) if by_encoder else run.v[:-1]
     return np.fft.rfft(v)[ORDERS] / SAMPLES
 
 
@@ -189,7 +192,7 @@ def guess(delta, c, by_encoder):
     z = np.array([delta, 0, 0.3, 0, 0, 0, 0, 0])
     spectrum = np.zeros(401, complex)
     spectrum[ORDERS] = c.conj() * model(z, by_encoder)
-    z[1] = joint.TURN / 800 * np.fft.irfft(spectrum).argmax()
+    z[1] = TURN / 800 * np.fft.irfft(spectrum).argmax()
     return z
 
 
@@ -281,7 +284,7 @@ workbook.say(
 equation_10, rows = characteristic.equation_10(), []
 for K, R in product(sorted({*levels}), sorted({*realisations})):
     record, true_mrad = records.load_noisy(K, R), 0.1 * (2 * K - 1)
-    A = table2.best_fit(record).amplitude_rps
+    A = best_fit(record).amplitude_rps
     estimates = {
         "equation 10": (1e3 * equation_10.backlash_rad(A), np.nan),
         "joint known": backlash_of(fit_joint(record.v, False, unknowns=2)),

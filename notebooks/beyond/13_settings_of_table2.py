@@ -10,10 +10,14 @@ import numpy as np
 import pandas as pd
 
 import workbook
-from replication import cmaes, evidence, figures, misfit, published, table2
+from replication import cmaes, figures, misfit, published, table2
 from replication.records import load_clean
 from replication.signature import Box, Parameters
+from studies import claims as measures
+from studies import multiverse as evidence
 from studies import prediction, replay
+from studies.drawings import draw_multiverse
+from studies.realisations import read_realisations
 from workbook import Change
 
 workbook.say_times("13_settings_of_table2")
@@ -227,12 +231,12 @@ workbook.show_figure(
 # *Predict:* what decides the verdict on the ten means: start, settings, or score?
 
 # %%
-kept = table2.read_realisations()
+kept = read_realisations()
 used = kept[kept["realisation"] <= most]
 multiverse = evidence.make_multiverse(used)
 workbook.show_figure(
     "table2_multiverse",
-    figures.multiverse(multiverse),
+    draw_multiverse(multiverse),
     "The printed table as one more of ours: a $p$ in each cell, shaded below 0.05, "
     "0.01 and 0.001; 0 below 0.0005; with ≤ where none of our tables lies as far "
     "out. *In interval*: how many printed numbers lie in the 95 % intervals (–: "
@@ -291,7 +295,8 @@ workbook.say(f"{prediction_finding}.")
 # Nothing is corrected for the number of settings. The authors' own may be none of them.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-claims = {"random_start": evidence.decide_random_start(multiverse, criteria)}
+measured = {"random_start": evidence.measure_random_start(multiverse, criteria)}
+claims = measures.decide(measured, criteria)
 workbook.verdict(
     f"In this run {same_end.sum()} of {len(ended)} stored runs end at their "
     f"misfit, {same_count.sum()} of them in the stored generation. {of_bounds}. "

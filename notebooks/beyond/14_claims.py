@@ -27,7 +27,6 @@
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
-from replication.sentences import measure_public_files
 
 import workbook
 from replication import characteristic, published
@@ -38,8 +37,9 @@ from replication.records import (
     load_clean_records,
     load_noisy,
 )
-from studies import claims as studies
-from studies import edge, engine, optimizers
+from studies import claims as measures
+from studies import edge, engine, experiments, optimizers
+from studies.drawings import draw_margins
 from workbook import Change
 
 workbook.say_times("14_claims")
@@ -86,18 +86,20 @@ added = {
     for level in range(3, 12)
 }
 smallest_mean = published.value("table2.row01.mean")
-amplitudes = studies.amplitudes_without_backlash(
+amplitudes = experiments.amplitudes_without_backlash(
     range(1, noises + 1), published.value("table2.row11.noise")
 )
 by_turns = workbook.read_kept("noise_by_turns")
 measured = {
-    "uniform_noise": studies.measure_uniform_noise(studies.noise_tests(added)),
-    "no_backlash": studies.measure_no_backlash(amplitudes, smallest_mean),
-    "turns_reduce_noise": studies.measure_turns(by_turns),
-    "code_and_data_public": measure_public_files(),
-}
+    "uniform_noise": measures.measure_uniform_noise(experiments.noise_tests(added)),
+    "no_backlash": measures.measure_no_backlash(amplitudes, smallest_mean),
+    "turns_reduce_noise": measures.measure_turns(by_turns),
+} | measures.measure_public_files()
+of_turns = measures.write_words(
+    "turns_reduce_noise", measured["turns_reduce_noise"]
+)
 workbook.say(
-    f"{measured['turns_reduce_noise'][1].capitalize()}. At the widest gap another "
+    f"{of_turns.capitalize()}. At the widest gap another "
     "gate moves $A$, not the noise."
 )
 
@@ -112,21 +114,25 @@ workbook.say(
 
 # %%
 joint, deltas = identified_joint(), characteristic.printed_levels_rad()
-friction = studies.friction_study(joint, sorted(set(frictions)))
-by_bits = studies.bits_study(
+friction = experiments.friction_study(joint, sorted(set(frictions)))
+by_bits = experiments.bits_study(
     joint, deltas, sorted({*bits, encoder_bits}), offsets=3
 )
 stepping = edge.stepping_torque_study(
     joint, deltas[[0, 4, 9]], [5e-5, 1e-4, 2.5e-4, 5e-4]
 )
 measured |= {
-    "impacts_at_phase_start": studies.measure_impacts(
-        studies.impact_phases(joint, deltas)
+    "impacts_at_phase_start": measures.measure_impacts(
+        experiments.impact_phases(joint, deltas)
     ),
-    "depends_on_joint": studies.measure_dependence(joint, deltas[5]),
-    "friction_disregarded": studies.measure_friction(friction),
-    "bits_suffice": studies.measure_bits(by_bits, encoder_bits),
-    "discontinuities_destabilise": studies.measure_discontinuities(stepping),
+    "depends_on_joint": {
+        "percent": experiments.peak_change_percent(
+            joint, {"K_s/J_l": 0.8}, deltas[5]
+        )
+    },
+    "friction_disregarded": measures.measure_friction(friction),
+    "bits_suffice": measures.measure_bits(by_bits, encoder_bits),
+    "discontinuities_destabilise": measures.measure_discontinuities(stepping),
 }
 friction.round(4)
 
@@ -164,10 +170,10 @@ workbook.say(
 # %%
 success = optimizers.success_table(workbook.read_kept("optimizers"))
 measured |= {
-    "cma_beats_swarms": studies.measure_swarms(optimizers.against_swarms(success)),
-    "classical_cannot": studies.measure_classical(success, "classical"),
-    "classical_prepared": studies.measure_classical(success, "prepared"),
-    "little_tuning": studies.measure_tuning(success),
+    "cma_beats_swarms": measures.measure_swarms(optimizers.against_swarms(success)),
+    "classical_cannot": measures.measure_classical(success, "classical"),
+    "classical_prepared": measures.measure_classical(success, "prepared"),
+    "little_tuning": measures.measure_tuning(success),
 }
 success.drop(columns="kind").round(3).replace(np.inf, "none")
 
@@ -202,7 +208,8 @@ workbook.say(f"Undecided: {full_robot[1]}.")
 # ### All of them
 
 # %%
-claims = published.decide_all(measured | {"full_robot": full_robot}, criteria)
+claims = measures.decide(measured, criteria)
+claims |= published.decide_all({"full_robot": full_robot}, criteria)
 counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
 counts |= workbook.judge(claims=claims)["verdict"].value_counts()
 decided = (
@@ -211,7 +218,7 @@ decided = (
 )
 workbook.show_figure(
     "claims_over_limits",
-    studies.draw_margins(measured, criteria),
+    draw_margins(measured, criteria),
     f"{decided}. Drawn is what was measured over the limit that decides it, turned "
     "so that a sentence holds below 1. A line is an interval; one across 1 decides "
     "nothing. Beyond the frame is drawn at the frame.",

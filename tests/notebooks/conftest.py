@@ -87,14 +87,15 @@ def run_notebook(monkeypatch, on_simulated_records):
 # What takes long, and a change seldom touches.
 COMPUTED_ONCE = {
     "backlash": ["estimate"],
-    "replication.standins": ["fit_logs", "table3", "table4"],
-    "replication.evidence": ["make_multiverse"],
-    "replication.identification": ["identify_joint"],
+    "replication.best_fit": ["best_fit"],
     "replication.joint": ["simulate"],
     "replication.records": ["load_noisy"],
-    "replication.sentences": ["measure_dead_zone", "measure_records", "measure_table2"],
-    "replication.table2": ["best_fit", "fit", "realise", "repeated_fits"],
-    "studies.claims": ["amplitudes_without_backlash", "bits_study", "friction_study"],
+    "replication.table2": ["fit", "repeated_fits"],
+    "studies.claims": ["measure_dead_zone", "measure_records", "measure_table2"],
+    "studies.experiments": ["amplitudes_without_backlash", "bits_study", "friction_study"],
+    "studies.identification": ["identify_joint"],
+    "studies.multiverse": ["make_multiverse"],
+    "studies.standins": ["fit_logs", "table3", "table4"],
     "studies.edge": ["stepping_torque_study"],
     "studies.replay": ["replay_stored_runs"],
 }

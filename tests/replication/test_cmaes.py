@@ -10,10 +10,10 @@ from replication.cmaes import (
     Generation,
     State,
     constants,
-    from_box,
     generations,
     into_box,
     margins,
+    sample,
     search,
     update,
 )
@@ -91,6 +91,9 @@ def test_the_first_generation_is_drawn_about_the_middle_by_a_quarter_of_the_box(
     D = np.exp(0.5e-4 * np.array([0, 0.5]))  # square roots of C's diagonal, beside one
     z = np.random.RandomState(3).randn(40, 2)
     y = z * D
+    x, steps = sample(State(0, np.ones(2), 2.0, np.eye(2), y, y), z, np.eye(2), D)
+    np.testing.assert_allclose(steps, y, rtol=1e-12)
+    np.testing.assert_allclose(x, 1 + 2 * y, rtol=1e-12)
     np.testing.assert_allclose(first.members, into_box([0, 5] + [1, 2.5] * y, box), rtol=1e-12)
     np.testing.assert_allclose(first.D, D, rtol=1e-12)
     np.testing.assert_array_equal(first.misfits, first.members[:, 0])
@@ -165,15 +168,6 @@ def test_samples_are_mapped_into_the_box_by_parabolas_in_its_margins_and_mirrore
     expected |= {-0.1: lower, -1: 0.9, 11.1: upper, 14.1: 7, 21.2: lower, 28.2: 7, -28.3: 7}
     x = np.array([*expected])
     np.testing.assert_allclose(into_box(x[:, None], box)[:, 0], [*expected.values()], atol=1e-12)
-
-
-def test_the_map_into_the_box_is_inverted_for_its_points():
-    box = Box(np.array([-2.0, 0.0]), np.array([2.0, 10.0]))
-    points = np.linspace(*box, 401)
-    back = np.array([from_box(point, box) for point in points])
-    np.testing.assert_allclose(into_box(back, box), points, atol=1e-12)
-    at_lower, at_upper = margins(box)  # no mirror image is given
-    assert ((back >= box.lower - at_lower) & (back <= box.upper + at_upper)).all()
 
 
 @pytest.mark.parametrize(

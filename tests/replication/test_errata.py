@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
-from replication.sentences import printed_rows
 from scipy import stats
 
 from replication import published
-from replication.characteristic import equation_10
+from replication.characteristic import equation_10, printed_rows
 from replication.cmaes import constants, generations, update
 from replication.records import load_clean, load_noisy
 from replication.signature import Box, Parameters, Timing, d_b, h, rmse
-from replication.table2 import NOISE_ROW, NOTEBOOK, noisy_records, search_box
+from replication.table2 import NOISE_ROW, NOTEBOOK, search_box
+from studies.realisations import noisy_records
 
 T = 0.002 * np.arange(2401)
 X = Parameters(A=1.0, t0=0.01, tau=14.0, omega=130.0, v_t=100.0, T2=0.1507, T1=0.0111)

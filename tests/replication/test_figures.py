@@ -1,6 +1,5 @@
 import re
 
-import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 
@@ -43,12 +42,4 @@ def test_curves_have_their_names_styles_and_limits():
     assert (line.get_linestyle(), mark.get_linestyle()) == ("-", "None")
     assert axis.get_xlim() == (0, 2)
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["line", "mark"]
-    plt.close(figure)
-
-
-def test_the_panel_within_the_gap_is_not_empty_where_all_edges_are_soft():
-    curves = {1e3: (np.ones(3), np.ones(3)), np.inf: (np.ones(3), np.zeros(3))}
-    figure = figures.dead_zone(np.array([-4e-4, 0.0, 4e-4]), curves, delta_rad=5e-4)
-    drawn = [line for line in figure.axes[2].lines if len(line.get_xdata()) == 3]
-    assert [line.get_ydata().max() for line in drawn] == [0.0]
     plt.close(figure)

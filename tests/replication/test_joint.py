@@ -11,6 +11,7 @@ from replication.joint import (
     Wave,
     change,
     check,
+    clamped_torque,
     from_ratios,
     identified_joint,
     ratios,
@@ -120,9 +121,8 @@ def test_the_printed_torque_jumps_at_zero_displacement():
 def test_the_printed_torque_pulls_when_the_teeth_part_and_the_clamped_one_does_not():
     damped = JOINT._replace(D_s=10.0)
     assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, damped) < 0
-    clamped = damped._replace(clamped=True)
-    assert tau_l(DELTA + 1e-5, -1.0, DELTA, 1, clamped) == 0
-    pushed = tau_l(-2 * DELTA, -0.5, DELTA, -1, clamped)
+    assert clamped_torque(DELTA + 1e-5, -1.0, DELTA, 1, damped) == 0
+    pushed = clamped_torque(-2 * DELTA, -0.5, DELTA, -1, damped)
     assert pushed == pytest.approx(-JOINT.K_s * DELTA - 10 * 0.5)
 
 

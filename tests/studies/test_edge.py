@@ -1,12 +1,12 @@
 import numpy as np
 import pandas as pd
 import pytest
-from replication.identification import FIT_LEVELS, errors_in_turn
 
 from replication.files import ROOT
 from replication.joint import from_ratios, identified_joint, ratios, simulate
 from replication.records import load_clean_records
 from studies import edge
+from studies.identification import FIT_LEVELS, errors_in_turn
 
 JOINT = identified_joint()
 

@@ -3,7 +3,6 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication import published
 from replication.records import Recording
 from replication.signature import h, rmse
 from studies import claims, optimizers
@@ -52,8 +51,8 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
     for name in optimizers.SWARMS:
         rows += result(f"{name}, population 300", "swarm", swarm)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
-    p, _ = claims.measure_swarms(compared)
-    assert published.decide("cma_beats_swarms", p) is holds
+    measured = {"cma_beats_swarms": claims.measure_swarms(compared)}
+    assert claims.decide(measured)["cma_beats_swarms"][0] is holds
 
 
 @pytest.mark.parametrize(("found", "holds"), [(0, True), (15, None), (30, False)])
@@ -62,8 +61,9 @@ def test_classical_methods_cannot_be_applied_if_the_best_of_them_fails_more_ofte
 ):
     rows = result("simplex", "classical", found) + result("other", "classical", 0)
     table = optimizers.success_table(pd.DataFrame(rows))
-    interval, words = claims.measure_classical(table, "classical")
-    assert published.decide("classical_cannot", interval) is holds
+    measured = {"classical_cannot": claims.measure_classical(table, "classical")}
+    decided, words = claims.decide(measured)["classical_cannot"]
+    assert decided is holds
     assert f"simplex {found} of 30" in words
 
 

@@ -6,10 +6,10 @@ import shutil
 from unittest.mock import Mock
 
 import pytest
-from replication.evidence import Rejections
 
 from replication import published
 from replication.files import UserError
+from studies.multiverse import Rejections
 from workbook import ROOT, judging, outcomes, report
 from workbook.sources import RESULTS
 

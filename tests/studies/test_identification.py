@@ -5,20 +5,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from replication.identification import (
+from scipy import stats
+
+from replication import published
+from replication.joint import change, identified_joint, ratios, settled_peak, simulate
+from replication.records import CLEAN_LEVELS, load_clean_records
+from replication.table2 import theoretical_amplitudes
+from studies import identification
+from studies.identification import (
     errors_in_turn,
     identify_joint,
     identify_lead,
     reidentify_joint,
     settled_sd,
 )
-from replication.standins import clean_record
-from scipy import stats
-
-from replication import identification, published
-from replication.joint import change, identified_joint, ratios, settled_peak, simulate
-from replication.records import CLEAN_LEVELS, load_clean_records
-from replication.table2 import theoretical_amplitudes
+from studies.standins import clean_record
 
 JOINT = identified_joint()
 DELTA = 17e-4

@@ -4,9 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import standins
 from replication.files import ROOT
-from replication.joint import TURN, Wave, change, identified_joint, simulate
+from replication.joint import Wave, change, identified_joint, simulate
+from replication.signature import TURN
+from studies import standins
 
 DELTA = 10e-4
 JOINT = identified_joint()

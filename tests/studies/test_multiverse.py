@@ -3,20 +3,24 @@
 import numpy as np
 import pandas as pd
 import pytest
-from replication.evidence import MEAN_DEVIATION, SCORES_OF_MEANS, SCORES_OF_SDS
 
-from replication import evidence, published, table2
+from replication import published
+from replication.files import ROOT
 from replication.table2 import DRAWN, DRAWN_STARTS, NOTEBOOK, ROWS, SETTINGS, WHOLE
+from studies import claims, intervals
+from studies import multiverse as evidence
+from studies.multiverse import MEAN_DEVIATION, SCORES_OF_MEANS, SCORES_OF_SDS
+from studies.realisations import read_realisations
 
 
 @pytest.fixture(scope="module")
 def kept():
-    return table2.read_realisations()
+    return read_realisations()
 
 
 @pytest.fixture(scope="module")
 def multiverse():
-    return pd.read_csv(table2.ROOT / "results" / "table2_multiverse.csv")
+    return pd.read_csv(ROOT / "results" / "table2_multiverse.csv")
 
 
 @pytest.fixture
@@ -34,9 +38,9 @@ def make_tables(tables, *, shared=0.0, rows=10, seed=1):
 @pytest.mark.parametrize(("size", "k"), [(39, 1), (79, 2), (320, 8)])
 def test_the_prediction_interval_is_of_order_statistics(size, k):
     numbers = np.random.default_rng(1).permutation(np.arange(1.0, size + 1))
-    assert evidence.prediction_interval(numbers) == (k, size + 1 - k)
+    assert intervals.prediction_interval(numbers) == (k, size + 1 - k)
     assert 1 - 2 * k / (size + 1) >= 0.95 > 1 - 2 * (k + 1) / (size + 1)
-    assert evidence.prediction_interval(range(38)) == (-np.inf, np.inf)
+    assert intervals.prediction_interval(range(38)) == (-np.inf, np.inf)
 
 
 def test_numbers_inside_are_counted_and_too_few_tables_count_nothing():
@@ -140,6 +144,11 @@ def set_p(multiverse, start, p, scores=(MEAN_DEVIATION,)):
     return multiverse.assign(p=multiverse["p"].mask(chosen, p))
 
 
+def decide_random_start(multiverse, criteria=None):
+    measured = evidence.measure_random_start(multiverse, criteria)
+    return claims.decide({"random_start": measured}, criteria)["random_start"]
+
+
 def test_a_random_start_is_decided_by_all_its_readings_and_by_ours_of_the_whole_record(multiverse):
     likely = set_p(multiverse, "per row", 0.001)
     excluded = set_p(set_p(likely, "per fit", 0.001), "per table", 0.001)
@@ -147,8 +156,8 @@ def test_a_random_start_is_decided_by_all_its_readings_and_by_ours_of_the_whole_
     allowed = set_p(excluded, "per table", 0.2)
     cases += [(set_p(allowed, WHOLE, 0.5), None), (set_p(allowed, WHOLE, 0.001), True)]
     for table, holds in cases:
-        assert evidence.decide_random_start(table)[0] is holds
-    strict = evidence.decide_random_start(set_p(allowed, WHOLE, 0.5), {"random_start": 0.3})
+        assert decide_random_start(table)[0] is holds
+    strict = decide_random_start(set_p(allowed, WHOLE, 0.5), {"random_start": 0.3})
     assert strict[0] is False
 
 
@@ -160,7 +169,7 @@ def test_what_excludes_a_reading_is_named_with_the_likely_reading_first(multiver
     table = table.assign(p=table["p"].mask(sds, 0.001))
     table = set_p(table, "per fit", 0.001, scores)
     table = table.assign(least_p=table["least_p"].mask(table["start"] == "per table", 0.02))
-    _, words = evidence.decide_random_start(set_p(table, "per table", 0.02, scores))
+    _, words = decide_random_start(set_p(table, "per table", 0.02, scores))
     likely, each_fit, once = words.partition("; whole record")[0].split("; ")
     assert likely.startswith(
         "mean deviation, the start drawn once a row, the likely reading p = 0.5,"

@@ -1,0 +1,70 @@
+"""What is simulated for the claims: noises, impacts, turns, friction, encoders."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from replication import published
+from replication.files import ROOT
+from replication.joint import change, identified_joint, settled_peak, simulate
+from studies import claims, experiments
+
+
+@pytest.mark.parametrize(
+    ("law", "is_uniform"),
+    [
+        (lambda n: n, True),
+        (lambda n: np.random.default_rng(4).normal(0, 0.05, n.size), False),
+        (lambda n: n + 0.01, False),
+        (lambda n: n + np.roll(n, 1), False),
+    ],
+    ids=["uniform", "normal", "mean", "lag one"],
+)
+def test_noise_of_another_law_is_noticed(law, is_uniform):
+    rng = np.random.default_rng(3)
+    noises = {(level, 1): law(rng.uniform(-0.1, 0.1, 2401)) for level in range(9)}
+    p = claims.measure_uniform_noise(experiments.noise_tests(noises))["smallest"]
+    assert published.decide("uniform_noise", p) is is_uniform
+
+
+def test_the_teeth_meet_twice_a_turn_on_alternate_sides():
+    phases = experiments.impact_phases(identified_joint(), [9e-4])
+    assert len(phases) == 22
+    assert (phases["phase"] == "descent").sum() == 11
+    assert phases["share_passed"].between(0, 0.25).all()
+
+
+def test_a_softer_joint_changes_the_peak_by_as_much_as_two_runs_say():
+    joint = identified_joint()
+    soft = change(joint, {"K_s/J_l": 0.8})
+    peaks = [settled_peak(simulate(j, 13e-4, sample=5e-5, step=5e-5), j) for j in (joint, soft)]
+    percent = experiments.peak_change_percent(joint, {"K_s/J_l": 0.8}, 13e-4)
+    assert percent == pytest.approx(100 * abs(peaks[1] - peaks[0]) / peaks[0])
+
+
+def test_the_error_of_a_shorter_record_is_measured_against_its_own_fit_without_noise():
+    errors = experiments.noise_errors_by_turns(identified_joint(), [9e-4], [1e-9], [1, 2])
+    assert errors["turns"].tolist() == [1, 1, 12, 12]
+    assert errors["error_rps"].abs().max() < 1e-4
+
+
+KEPT = pd.read_csv(ROOT / "results" / "noise_by_turns.csv")
+
+
+def test_a_kept_error_by_noise_comes_again():
+    kept = KEPT[KEPT["noise"] == 7]
+    again = experiments.kept_noise_errors([7])
+    np.testing.assert_allclose(again["error_rps"], kept["error_rps"], rtol=1e-3, atol=1e-6)
+
+
+def test_the_kept_errors_are_of_160_noises_each():
+    assert (KEPT.groupby(["delta_rad", "turns"])["noise"].nunique() == experiments.NOISES).all()
+
+
+def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
+    joint = identified_joint()
+    fine, finer, coarse = (experiments.encoder_record(joint, 9e-4, n, 0.3) for n in (30, 40, 12))
+    assert fine.v.mean() == pytest.approx(100, abs=0.01)
+    assert np.abs(finer.v - coarse.v).max() > 1e3 * np.abs(finer.v - fine.v).max()
+    steps = coarse.v * 2**12 * 0.002
+    np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
