@@ -15,9 +15,10 @@ from scipy.signal import find_peaks
 import workbook
 from replication import figures, published, table2
 from replication.joint import (
-    allowed_factors,
     change,
     identified_joint,
+    numbers_of,
+    ratios,
     settled_peak,
     simulate,
 )
@@ -70,13 +71,15 @@ changes = {}  # factors for ratios or quantities of the joint, as in notebook 3
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 identified = identified_joint()
+factors = dict.fromkeys([*ratios(identified), *numbers_of(identified)], (0, 100))
+factors |= {"N": (0.25, 4), "Omega": (0.25, 4)}  # they make the length of a turn
 workbook.check_parameters(
     globals(),
     speed_level=NOISY_LEVELS,
     noise_rps=(0, 10),
     noise_seed=range(0, 2**31),
     commanded_speed_rps=(10, 300),
-    changes=allowed_factors(identified),
+    changes=factors,
 )
 
 # %% [markdown]

@@ -86,7 +86,7 @@ workbook.check_parameters(
 # these, which of the two ways leads back to the printed $A$?
 
 # %%
-f = characteristic.equation_10().backlash_rad  # of A in rps, by equation 10
+f = characteristic.equation_10  # of A in rps, by equation 10
 known_A = published.column("Table 3", "known")
 deltas = 1e-3 * measure_mrad * np.round(1e3 * f(known_A) / measure_mrad)
 A_axis = np.linspace(0, 2, 100_001)

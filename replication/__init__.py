@@ -26,7 +26,7 @@ EQUATIONS = {
     8: "joint.K_BL",
     9: "joint.tau_l",
     10: "characteristic.equation_10",
-    11: "signature.disturbance",
+    11: "signature.rmse",
     12: "cmaes.sample",
     13: "cmaes.update",
     14: "cmaes.update",

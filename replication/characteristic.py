@@ -1,7 +1,5 @@
 """The virtual sensor's static characteristic, equation 10, and what follows from the printed numbers by it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,46 +13,16 @@ from replication.signature import TURN, FloatArray
 DEGREE = 3
 
 
-def first_rise(coefficients: Sequence[float] | FloatArray, level: float) -> float | None:
-    """Smallest positive argument at which a polynomial rises through a level.
-
-    None if it never does.
-    """
-    polynomial = Polynomial(coefficients)
-    roots = (polynomial - level).roots()
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    rising = real[(real > 0) & (polynomial.deriv()(real) > 0)]
-    return float(rising.min()) if rising.size else None
-
-
-@dataclass(frozen=True)
-class Characteristic:
-    """Polynomial delta(A), equation 10's form."""
-
-    coefficients: FloatArray  # [rad/rpm^k], shape (degree + 1,), from the constant upwards
-
-    def backlash_rad(self, amplitude_rps: FloatArray | float) -> FloatArray:
-        """Backlash delta [rad] of an amplitude A [rps]; the polynomial itself takes rpm (erratum E1)."""
-        return Polynomial(self.coefficients)(RPM_PER_RPS * np.asarray(amplitude_rps))  # equation 10
-
-    def amplitude_rps(self, delta_rad: float) -> float:
-        """Smallest positive amplitude A [rps] at which delta(A) rises through a backlash.
-
-        Raises
-        ------
-        ValueError
-            No positive amplitude gives it.
-        """
-        amplitude_rpm = first_rise(self.coefficients, delta_rad)
-        if amplitude_rpm is None:
-            raise ValueError(f"backlash {delta_rad:g} rad: no positive amplitude gives it")
-        return amplitude_rpm / RPM_PER_RPS
-
-
-def equation_10() -> Characteristic:
-    """Equation 10 with its printed coefficients."""
+def printed_coefficients() -> FloatArray:
+    """Coefficients of equation 10 [rad/rpm^k], shape (4,), from the constant upwards."""
     printed = [published.value(f"equation10.A{power}") for power in range(DEGREE + 1)]
-    return Characteristic(1e-6 * np.array(printed))
+    return 1e-6 * np.array(printed)
+
+
+def equation_10(amplitude_rps: FloatArray | float) -> FloatArray:
+    """Equation 10: the backlash [rad] of an amplitude A [rps]; the polynomial itself takes rpm (erratum E1)."""
+    A = RPM_PER_RPS * np.asarray(amplitude_rps)
+    return Polynomial(printed_coefficients())(A)  # equation 10
 
 
 # ------------------------------------------------------------------------- what follows from printed numbers
@@ -87,7 +55,7 @@ def printed_rows() -> pd.DataFrame:
     rows = pd.DataFrame({name: published.column("Table 2", name)[: delta.size] for name in columns})
     rows.insert(0, "delta_rad", delta)
     rows["error_percent"] = relative_error_percent(rows["mean"], rows["theoretical"])
-    rows["error_rad"] = np.abs(equation_10().backlash_rad(rows["mean"]) - delta)
+    rows["error_rad"] = np.abs(equation_10(rows["mean"]) - delta)
     return rows.set_index(pd.RangeIndex(1, delta.size + 1, name="row"))
 
 
@@ -122,7 +90,7 @@ def table_arithmetic() -> pd.DataFrame:
 def numbers_of_the_text() -> dict[str, float]:
     """Compute numbers that the text says in passing, which follow from the tables and equation 10, by their names."""
     rows = printed_rows()
-    levels = equation_10().backlash_rad(rows["theoretical"].to_numpy())
+    levels = equation_10(rows["theoretical"].to_numpy())
     bounded = {*published.cells("Table 1")["row"]}
     numbers = {
         "error_rad_small": rows["error_rad"].iloc[0],
@@ -142,7 +110,7 @@ def numbers_of_the_text() -> dict[str, float]:
 
 def count_points(rows: pd.DataFrame) -> float:
     """Count the `printed_rows`, from the first one, whose cubic has equation 10's printed coefficients; nan if none."""
-    printed = 1e6 * equation_10().coefficients[::-1]
+    printed = 1e6 * printed_coefficients()[::-1]
     for count in range(DEGREE + 2, len(rows) + 1):
         points = rows[:count]
         fitted = 1e6 * np.polyfit(RPM_PER_RPS * points["theoretical"], points["delta_rad"], DEGREE)

@@ -157,7 +157,6 @@ def description(figure: Figure) -> str:
             label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label
         ]
         panels.append(" versus ".join(labels[::-1]))
-    panels += [figure.get_supylabel(), figure.get_supxlabel()]
     return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 

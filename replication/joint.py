@@ -165,12 +165,6 @@ def change(joint: Joint, factors: Mapping[str, float]) -> Joint:
     return joint._replace(**{name: alone[name] * getattr(joint, name) for name in alone})
 
 
-def allowed_factors(joint: Joint) -> dict[str, tuple[float, float]]:
-    """Between which limits a notebook lets `change` multiply each ratio and field of a joint."""
-    of_turn = {"N": (0.25, 4.0), "Omega": (0.25, 4.0)}  # they make its length
-    return dict.fromkeys([*ratios(joint), *numbers_of(joint)], (0.0, 100.0)) | of_turn
-
-
 def identified_joint() -> Joint:
     """Read the joint that was identified from the published signals (``data/joint.json``)."""
     file = files("replication") / "data" / "joint.json"

@@ -52,13 +52,6 @@ class Recording:
         return float(self.t[-1] - self.t[0]) / (self.t.size - 1)
 
 
-def from_sample(recording: Recording, start: int) -> Recording:
-    """Drop a record's first samples, so that its time starts from zero at sample `start`."""
-    if not 0 <= start <= recording.t.size - 3:
-        raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
-    return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
-
-
 # -------------------------------------------------------------------------------------------------- noise
 
 
@@ -84,17 +77,6 @@ def add_noise(
     noise = draw_noise(half_amplitude_rps, recording.v.size, rng)
     v_n = recording.v + noise  # equation 18
     return replace(recording, v=v_n, source=f"{recording.source} + uniform noise")
-
-
-def interpolated_peak(v: FloatArray, points: int = 40) -> float:
-    """Largest value [rps] of an evenly sampled speed, between its samples too: a cubic spline at so many points each.
-
-    A Fourier series would overshoot at the corners that impacts leave: on our joint by 1 %.
-    """
-    from scipy.interpolate import CubicSpline  # slow to import, and few need it
-
-    sample = np.arange(v.size)
-    return float(CubicSpline(sample, v)(np.arange(0, v.size - 1, 1 / points)).max())
 
 
 def constant_speed() -> Recording:

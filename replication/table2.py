@@ -12,7 +12,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 
 from replication import published
-from replication.cmaes import Eigensolver, Normals, generations, search
+from replication.cmaes import Normals, generations, search
 from replication.misfit import cost
 from replication.records import RPM_PER_RPS, Recording, level_delta_rad, load_noisy
 from replication.signature import MOVEMENT, Box, FloatArray, Parameters, Timing, table1_box
@@ -103,11 +103,7 @@ def search_box(recording: Recording, settings: SearchSettings) -> Box:
 
 
 def fit(
-    recording: Recording,
-    settings: SearchSettings,
-    seed: int,
-    eigen: Eigensolver = np.linalg.eigh,
-    normals: Normals | None = None,
+    recording: Recording, settings: SearchSettings, seed: int, normals: Normals | None = None
 ) -> Fit:
     """Fit the signature to a record as the paper does: equations 7 and 11 by equations 12 to 17.
 
@@ -118,7 +114,7 @@ def fit(
     settings : SearchSettings
     seed : int
         Of the run, above 0.
-    eigen, normals
+    normals
         See `cmaes.generations`.
 
     Raises
@@ -133,8 +129,7 @@ def fit(
         search_box(seen, settings),
         seed,
         settings.population,
-        eigen,
-        normals,
+        normals=normals,
     )
     run = search(steps, settings.iterations)
     X = Parameters(*run.best.tolist())

@@ -348,12 +348,12 @@ def measure_equation_10() -> dict[str, Numbers]:
     """What follows from equation 10 and Table 2 as printed, and the encoder's step."""
     rows = printed_rows()
     A_rps = np.linspace(0, rows["theoretical"].max(), 1000)
-    by_equation = equation_10().backlash_rad(rows["theoretical"].to_numpy())
+    by_equation = equation_10(rows["theoretical"].to_numpy())
     small = rows.iloc[0]
     large = rows.loc[rows["error_rad"].idxmax()]
     return {
         "monotone": {
-            "slope": np.gradient(equation_10().backlash_rad(A_rps), A_rps).min(),
+            "slope": np.gradient(equation_10(A_rps), A_rps).min(),
             "miss_rad": np.abs(by_equation - rows["delta_rad"]).max(),
         },
         "encoder_step": {"step_rad": encoder_step_rad()},
@@ -428,7 +428,7 @@ def measure_our_errors(means: DataFrame) -> Numbers:
 def measure_quality(means: DataFrame) -> Numbers:
     """The share of our tables whose last row errs more in rad than the first, from means [rps], a row a table."""
     rows = printed_rows()
-    errors = np.abs(equation_10().backlash_rad(means) - rows["delta_rad"].to_numpy())
+    errors = np.abs(equation_10(means) - rows["delta_rad"].to_numpy())
     percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
     rms_rad = root_mean_square(errors, axis=0)
     rms_percent = root_mean_square(percent, axis=0)

@@ -3,6 +3,7 @@
 `results/table2_realisations.csv` keeps the means and SDs, because they take hours.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +12,7 @@ from joblib import Parallel, delayed
 
 from replication import published
 from replication.files import ROOT, check_kept, write_kept
-from replication.records import (
-    Recording,
-    add_noise,
-    constant_speed,
-    from_sample,
-    load_clean,
-    simulate_clean,
-)
+from replication.records import Recording, add_noise, constant_speed, load_clean, simulate_clean
 from replication.table2 import (
     DRAWN_STARTS,
     LEVELS,
@@ -37,6 +31,13 @@ STUDY_SEED = 2027
 FIRST_SAMPLES = 100  # of which the text draws the start
 NUMBER = 40  # of tables under each setting
 NOISE_ROWS = 10  # of row 11, noise alone, with the whole record
+
+
+def from_sample(recording: Recording, start: int) -> Recording:
+    """Drop a record's first samples, so that its time starts from zero at sample `start`."""
+    if not 0 <= start <= recording.t.size - 3:
+        raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
+    return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
 def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Generator) -> np.ndarray:

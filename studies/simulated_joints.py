@@ -196,20 +196,6 @@ def draw_joint(
     )
 
 
-def with_load(joint: DrivenJoint, gravity: float, inertia_ratio: float) -> DrivenJoint:
-    """The joint under another load: friction keeps its share of gravity, and the drive is tuned to the inertia."""
-    torques = ("load_friction", "load_viscous", "motor_friction", "motor_viscous", "cogging")
-    scaled = {name: getattr(joint, name) * gravity / joint.gravity for name in torques}
-    gain = (1 + 1 / inertia_ratio) / (1 + 1 / joint.inertia_ratio)
-    return joint._replace(
-        **scaled,
-        gravity=gravity,
-        inertia_ratio=inertia_ratio,
-        speed_gain=gain * joint.speed_gain,
-        integral_gain=gain * joint.integral_gain,
-    )
-
-
 def follow_path(
     joint: DrivenJoint, fault: Fault, start_rad: float, speed: FloatArray
 ) -> FloatArray:

@@ -39,7 +39,6 @@ PORTABLE = (
     "tests/replication/test_best_fit.py::test_a_fit_finds",
     "tests/replication/test_best_fit.py::test_the_best_fit",
     "tests/studies/test_realisations.py::test_a_row_made_again",
-    "tests/replication/test_characteristic.py::test_the_amplitude",
     "tests/replication/test_joint.py::test_the_simulated_motion",
     "tests/replication/test_joint.py::test_the_teeth_meet",
     "tests/replication/test_joint.py::test_a_stiff_joint",

@@ -281,12 +281,12 @@ workbook.say(
 
 
 # %%
-equation_10, rows = characteristic.equation_10(), []
+rows = []
 for K, R in product(sorted({*levels}), sorted({*realisations})):
     record, true_mrad = records.load_noisy(K, R), 0.1 * (2 * K - 1)
     A = best_fit(record).amplitude_rps
     estimates = {
-        "equation 10": (1e3 * equation_10.backlash_rad(A), np.nan),
+        "equation 10": (1e3 * characteristic.equation_10(A), np.nan),
         "joint known": backlash_of(fit_joint(record.v, False, unknowns=2)),
         "joint unknown": backlash_of(fit_joint(record.v, False)),
     }

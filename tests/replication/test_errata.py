@@ -92,7 +92,7 @@ def test_the_printed_errors_in_rad_are_no_errors_of_table_2():
         assert f"{error:.1e}".replace("e-0", "e-") in erratum["corrected"]
     last = rows.iloc[-1]
     for factor in (0.9, 1.1):
-        of_ten_percent = equation_10().backlash_rad(factor * last["theoretical"])
+        of_ten_percent = equation_10(factor * last["theoretical"])
         error = f"{abs(of_ten_percent - last['delta_rad']):.1e}".replace("e-0", "e-")
         assert error in erratum["effect"]
 

@@ -83,9 +83,8 @@ def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper(pap
 
 def test_equation_10_takes_rpm_not_rps():
     amplitude, delta = points()
-    equation = characteristic.equation_10()
-    in_rpm = equation.backlash_rad(amplitude)
-    in_rps = equation.backlash_rad(amplitude / characteristic.RPM_PER_RPS)
+    in_rpm = characteristic.equation_10(amplitude)
+    in_rps = characteristic.equation_10(amplitude / characteristic.RPM_PER_RPS)
     assert np.abs(in_rpm - delta).max() < 2e-5
     assert in_rps.max() < 5e-5
     assert np.abs(in_rps - delta).min() > 2e-4
@@ -103,7 +102,7 @@ def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
     _, best_possible = cubic(amplitude, delta)
     assert best_possible > 1000 * published.value("equation10.rmse")
     of_freedom = best_possible * np.sqrt(10 / (10 - 4))  # ten points; a cubic has four coefficients
-    off = characteristic.equation_10().backlash_rad(amplitude) - delta
+    off = characteristic.equation_10(amplitude) - delta
     corrected = published.table("errata").loc["E2", "corrected"]
     for rmse in (best_possible, of_freedom, np.sqrt(np.mean(off**2))):
         assert f"{1e6 * rmse:.2f}e-6" in corrected

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.interpolate import CubicSpline
 
 from replication import published, records
 from replication.files import DataCorrupt, DataUnavailable
@@ -20,7 +21,6 @@ from replication.records import (
     add_noise,
     authors_checksums,
     constant_speed,
-    from_sample,
     level_delta_rad,
     load_clean,
     load_noisy,
@@ -50,15 +50,6 @@ def test_a_level_has_table_2s_backlash_and_noise():
     noise = [noise_half_amplitude_rps(level) for level in levels]
     np.testing.assert_allclose(deltas, np.arange(3e-4, 22e-4, 2e-4), rtol=1e-12)
     np.testing.assert_allclose(noise, published.column("Table 2", "noise")[:10], atol=1e-4)
-
-
-def test_a_record_from_a_later_sample_starts_at_time_zero():
-    record = constant_speed()
-    cut = from_sample(record, 10)
-    assert (cut.t[0], cut.t[1], cut.t.size) == (0.0, pytest.approx(0.002), 2391)
-    assert from_sample(record, 2398).t.size == 3
-    with pytest.raises(ValueError, match="start sample 2399"):
-        from_sample(record, 2399)
 
 
 def test_a_record_of_constant_speed_is_twelve_turns_at_100_rps_and_its_noise_is_uniform_about_zero():
@@ -184,7 +175,9 @@ def test_the_peak_between_samples_is_known_to_2_percent_and_not_on_one_side():
     for level in range(3, 12):
         v = simulate(identified_joint(), level_delta_rad(level), sample=5e-5, step=5e-5).v[8000:]
         settled = [v[phase::40].round(2)[:2000] for phase in range(40)]
-        above = np.array([records.interpolated_peak(each) for each in settled]) - 100
+        fine = np.arange(0, 1999, 1 / 40)
+        splines = [CubicSpline(np.arange(2000), each) for each in settled]
+        above = np.array([spline(fine).max() for spline in splines]) - 100
         errors.append(100 * (above / (v.max() - 100) - 1))
     assert np.mean(errors) == pytest.approx(0, abs=0.1)
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(1.6, abs=0.05)

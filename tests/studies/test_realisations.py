@@ -97,3 +97,12 @@ def test_a_start_is_one_of_the_first_hundred_samples_for_what_it_is_drawn_for(st
     assert (of_row > 0) == (start == "per fit")
     assert (of_table > 0) == (start in ("per fit", "per row"))
     assert (np.ptp(starts) > 70) == (start != table2.WHOLE)
+
+
+def test_a_record_from_a_later_sample_starts_at_time_zero():
+    record = constant_speed()
+    cut = realisations.from_sample(record, 10)
+    assert (cut.t[0], cut.t[1], cut.t.size) == (0.0, pytest.approx(0.002), 2391)
+    assert realisations.from_sample(record, 2398).t.size == 3
+    with pytest.raises(ValueError, match="start sample 2399"):
+        realisations.from_sample(record, 2399)

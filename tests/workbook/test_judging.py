@@ -33,7 +33,7 @@ def derived_numbers():
     A_rpm = 60 * rows["theoretical"]
     cubic, (squares, *_) = np.polyfit(A_rpm, rows["delta_rad"], 3, full=True)[:2]
     known = published.column("Table 3", "known")
-    measured_rad = characteristic.equation_10().backlash_rad(known).round(4)
+    measured_rad = characteristic.equation_10(known).round(4)
     numbers = {f"equation10.A{3 - k}": 1e6 * each for k, each in enumerate(cubic)}
     numbers["equation10.rmse"] = np.sqrt(squares / len(rows))
     for row, delta in enumerate(measured_rad, 1):
