@@ -48,6 +48,8 @@ def test_runs_are_summarised_by_their_amplitudes_and_noise_keeps_its_sign():
     with_backlash, noise = table2.summarise_runs(runs, ["record"]).to_dict("records")
     expected = {"mean_A_rps": 1.1, "relative_error_percent": 10, "best_A_rps": 0.95}
     expected |= {"sd_A_rps": np.std([0.9, 1.0, 1.4], ddof=1), "best_basin_runs": 2}
+    expected |= {"best_sd_A_rps": np.std([0.9, 1.0], ddof=1), "best_rmse_rps": 0.1}
+    expected |= {"basins": 2, "runs": 3, "theoretical_A_rps": 1.0}
     assert {name: with_backlash[name] for name in expected} == pytest.approx(expected)
     assert noise["mean_A_rps"] == pytest.approx(0)
 

@@ -1,12 +1,15 @@
 """What is simulated for the claims: noises, impacts, turns, friction, encoders."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published
+from replication import published, table2
 from replication.files import ROOT
 from replication.joint import change, identified_joint, settled_peak, simulate
+from replication.records import add_noise, constant_speed
 from studies import claims, experiments
 
 
@@ -68,3 +71,47 @@ def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
     assert np.abs(finer.v - coarse.v).max() > 1e3 * np.abs(finer.v - fine.v).max()
     steps = coarse.v * 2**12 * 0.002
     np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
+
+
+def test_the_amplitude_in_a_noise_is_that_of_one_run_with_its_seed():
+    seeds = [3, 8]
+    noises = [add_noise(constant_speed(), 0.1, np.random.default_rng(seed)) for seed in seeds]
+    alone = [
+        table2.fit(each, table2.NOTEBOOK, seed) for each, seed in zip(noises, seeds, strict=True)
+    ]
+    found = experiments.amplitudes_without_backlash(seeds, 0.1)
+    np.testing.assert_allclose(found, [abs(fit.X.A) for fit in alone], rtol=1e-9)
+
+
+def test_friction_changes_the_mean_of_four_logs_against_none(monkeypatch):
+    joint = identified_joint()
+
+    def fit_logs(cases, seed):
+        shares = np.array([bench.joint.load_coulomb / joint.G for bench, _ in cases])
+        assert {delta for _, delta in cases} == {1e-3}
+        return pd.DataFrame({"A_rps": 2 - 10 * shares + 0.1 * (np.arange(len(shares)) % 4)})
+
+    monkeypatch.setattr(experiments, "fit_logs", fit_logs)
+    study = experiments.friction_study(joint, [0.01, 0.05])
+    assert study["friction"].tolist() == [0, 0.01, 0.05]
+    np.testing.assert_allclose(study["A_rps"], [2.15, 2.05, 1.65])
+    np.testing.assert_allclose(study["change_percent"], [0, -10 / 2.15, -50 / 2.15], atol=1e-9)
+
+
+def test_bits_change_the_amplitude_by_the_most_of_some_angles(monkeypatch):
+    def best_fit(record):
+        delta, bits, angle = record
+        steps = 0.0 if bits == experiments.FINE_BITS else (1 + angle) * 2.0**-bits
+        return SimpleNamespace(amplitude_rps=1e3 * delta - steps)
+
+    monkeypatch.setattr(experiments, "encoder_record", lambda joint, *record: record)
+    monkeypatch.setattr(experiments, "best_fit", best_fit)
+    study = experiments.bits_study(None, [3e-4, 5e-4], [12, 19], offsets=3)
+    largest = 1 + np.random.default_rng(1).uniform(0, 2 * np.pi, 3).max()
+    assert study[["bits", "delta_rad"]].to_numpy().tolist() == [
+        [12, 3e-4],
+        [19, 3e-4],
+        [12, 5e-4],
+        [19, 5e-4],
+    ]
+    np.testing.assert_allclose(study["change_rps"], largest * 2.0 ** -study["bits"])

@@ -238,3 +238,49 @@ def test_smaller_sds_of_row_10_are_counted_with_a_drawn_start_too(kept, multiver
     ]
     assert described["row10_drawn"] == len(drawn)
     assert described["row10_drawn_lower"] == (drawn["sd_A_rps"] < 0.0194).sum() > 0
+
+
+def test_what_the_report_says_of_a_start_is_what_another_way_of_counting_gives(kept, multiverse):
+    described = evidence.describe_multiverse(kept, multiverse)
+    assert [*described["starts"]] == [*multiverse["start"].unique()]
+    printed = evidence.printed_table()
+    true = published.column("Table 2", "theoretical")
+    for start, said in described["starts"].items():
+        tests = multiverse[multiverse["start"] == start]
+        assert said.settings == tests["settings"].nunique() - 1
+        assert said.tables == tests["tables"].max()
+        inside = tests[tests["score"] == "in interval"].dropna(subset="inside")
+        assert said.inside == inside.loc[inside["numbers"] == "means", "inside"].tolist()
+        assert said.sds_inside == inside.loc[inside["numbers"] == "SDs", "inside"].tolist()
+        counted = (said.means, said.sds, said.sds_without_row_10)
+        for name, count in zip(("means", "SDs", "SDs of rows 1 to 9"), counted, strict=True):
+            p = tests.loc[(tests["numbers"] == name) & (tests["least_p"] < 0.05), "p"]
+            assert count == (len(p), sum(p < 0.05), min(p), max(p))
+        scored = tests[tests["numbers"].isin(["means", "SDs"]) & (tests["score"] != "in interval")]
+        p = scored.query("least_p < 0.05").groupby(["numbers", "score"])["p"].max()
+        assert said.excluding == sum(p < 0.05)
+        assert said.scores == 7
+        assert said.excluded_by == evidence.name_exclusions(multiverse, start, 0.05)
+        protocols = [e.protocol for e in (*SETTINGS, *DRAWN_STARTS) if e.start == start]
+        ours = kept[kept["protocol"].isin(protocols) & (kept["row"] <= 10)]
+        medians = ours.groupby("row")["mean_A_rps"].median().to_numpy() / true[:10]
+        assert said.above == sum(printed.ratios[:, 0] > medians)
+        ratio = ours["mean_A_rps"] / true[ours["row"] - 1]
+        means = ratio.groupby([ours["protocol"], ours["realisation"]]).mean()
+        assert said.reaching == sum(means >= printed.ratios.mean())
+        if start == WHOLE:
+            assert described["bias"] == pytest.approx(100 * (means.median() - 1))
+
+
+def test_what_the_report_says_of_all_tests_is_what_another_way_of_counting_gives(kept, multiverse):
+    described = evidence.describe_multiverse(kept, multiverse)
+    together = multiverse.query("start == @WHOLE and settings == 'together'").dropna(subset="p")
+    assert described["p"].keys() >= {("SDs", "squares"), ("SDs of rows 1 to 9", "ranks")}
+    for test in together.itertuples():
+        assert described["p"][test.numbers, test.score] == test.p
+    assert described["least_p"] == together["least_p"].min()
+    assert described["scores"] == multiverse.query("numbers == 'means'")["score"].nunique() - 1
+    assert described["false_alarms"] == 100 * multiverse["false_alarms"].mean()
+    assert described["most_false_alarms"] == 100 * multiverse["false_alarms"].max()
+    true, mean = (published.column("Table 2", name)[:10] for name in ("theoretical", "mean"))
+    assert described["printed_bias"] == pytest.approx(100 * np.mean(mean / true - 1))

@@ -1,0 +1,28 @@
+"""What was predicted of Table 2 is held against the printed numbers."""
+
+import pandas as pd
+import pytest
+
+from replication import published
+from replication.files import ROOT
+from studies.prediction import MEANS, SDS, count_met
+
+KEPT = pd.read_csv(ROOT / "results" / "table2_prediction.csv")
+PRINTED = published.column("Table 2", "mean")[:10]
+
+
+def test_means_within_one_percent_and_sds_between_the_limits_are_met():
+    made = pd.DataFrame({"row": range(1, 11), "mean_A_rps": PRINTED, "sd_A_rps": 0.002})
+    assert count_met(made) == (len(MEANS), len(SDS)) == (8, 3)
+    off = made["mean_A_rps"] * [0.989, 1.011, 1.009, 0.991, 1, 1, 1, 1, 2, 2]
+    sds = [0.0014, 0.0026, 9, 9, 9, 9, 0.0024, 9, 9, 9]
+    assert count_met(made.assign(mean_A_rps=off, sd_A_rps=sds)) == (6, 1)
+
+
+def test_of_the_kept_run_as_many_are_met_as_the_report_says():
+    off = (KEPT["mean_A_rps"] / PRINTED - 1).abs()[:8]
+    sds = KEPT.set_index("row").loc[[1, 2, 7], "sd_A_rps"]
+    assert count_met(KEPT) == ((off < 0.01).sum(), sds.between(0.0015, 0.0025).sum())
+    assert KEPT["relative_error_percent"].iloc[0] == pytest.approx(
+        100 * abs(KEPT["mean_A_rps"][0] / 0.2769 - 1), rel=1e-3
+    )
