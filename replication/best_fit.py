@@ -6,6 +6,7 @@ all are compared.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -49,10 +50,10 @@ def best_fit(recording: Recording, settings: SearchSettings = NOTEBOOK) -> Fit:
         raise ValueError(f"{recording.source}: constant, or half a turn is no number of samples")
     box = Box(lower[PROJECTED], upper[PROJECTED])
 
-    def project_shapes(shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def project_shapes(shapes: FloatArray) -> Any:
         return project(np.clip(shapes, *box), record, largest.A)
 
-    def misfits(shapes: FloatArray) -> FloatArray:
+    def misfits(shapes: FloatArray) -> Any:
         return project_shapes(shapes)[1]
 
     run = search(generations(misfits, box, 1, POPULATION), settings.iterations)
@@ -109,4 +110,5 @@ def _descend(
             "maxiter": 600,
         },
     )
-    return shape + end.x @ steps
+    bottom: FloatArray = shape + end.x @ steps
+    return bottom

@@ -91,7 +91,6 @@ def numbers_of_the_text() -> dict[str, float]:
     """Compute numbers that the text says in passing, which follow from the tables and equation 10, by their names."""
     rows = printed_rows()
     levels = equation_10(rows["theoretical"].to_numpy())
-    bounded = {*published.cells("Table 1")["row"]}
     numbers = {
         "error_rad_small": rows["error_rad"].iloc[0],
         "error_rad_large": rows["error_rad"].max(),
@@ -103,7 +102,9 @@ def numbers_of_the_text() -> dict[str, float]:
         "error_limit_percent": published.column("Table 2", "relative_error").max(),
         "figure11_signals": len(rows),
         "figure12_points": count_points(rows),
-        "parameters": len(bounded - {"v_t", "T_d"}),  # commanded (equation 11), half of T_f
+        "parameters": len(
+            {*published.cells("Table 1")["row"]} - {"v_t", "T_d"}
+        ),  # commanded (equation 11), half of T_f
     }
     return {name: float(number) for name, number in numbers.items()}
 

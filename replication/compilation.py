@@ -10,7 +10,7 @@ from typing import Any
 from replication.files import UserError
 
 
-def njit(function: Callable, fastmath: set[str] | bool = False) -> Any:
+def njit(function: Callable[..., Any], fastmath: set[str] | bool = False) -> Any:
     """Compile a function; its machine code is kept where a folder for it can be written."""
     try:
         with warnings.catch_warnings():
@@ -27,7 +27,7 @@ def njit(function: Callable, fastmath: set[str] | bool = False) -> Any:
         return numba.njit(nogil=True, fastmath=fastmath)(function)
 
 
-def njit_sums(function: Callable) -> Any:
+def njit_sums(function: Callable[..., Any]) -> Any:
     """Compile sums whose terms may be added in any order, so several at once."""
     return njit(function, {"reassoc", "contract", "nsz"})
 

@@ -74,7 +74,7 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
     """Draw a figure in the workbook's style, leaving matplotlib's settings alone."""
 
     @wraps(plot)
-    def styled(*args, **options) -> Figure:
+    def styled(*args: Any, **options: Any) -> Figure:
         with mpl.rc_context(STYLE):
             figure = plot(*args, **options)
             interactive = mpl.is_interactive()
@@ -86,7 +86,7 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
 
 
 def grid(
-    rows: int = 1, columns: int = 1, height_in: float = 3.2, **options
+    rows: int = 1, columns: int = 1, height_in: float = 3.2, **options: Any
 ) -> tuple[Figure, np.ndarray]:
     """Make a figure in the workbook's style and its axes, always as an array of shape (rows, columns)."""
     with mpl.rc_context(STYLE):

@@ -8,7 +8,7 @@ import secrets
 import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -99,10 +99,11 @@ def write_text(path: Path, text: str) -> None:
 
 def as_csv(table: "pd.DataFrame") -> bytes:
     """A table as CSV, with six significant digits."""
-    return table.to_csv(index=False, float_format=FLOAT_FORMAT, lineterminator="\n").encode()
+    text: str = table.to_csv(index=False, float_format=FLOAT_FORMAT, lineterminator="\n")
+    return text.encode()
 
 
-def as_json(content: dict) -> bytes:
+def as_json(content: Mapping[str, Any]) -> bytes:
     """JSON, an entry a line."""
     return f"{json.dumps(content, indent=1)}\n".encode()
 
@@ -136,6 +137,6 @@ def _kept_sha256(file: Path) -> dict[str, str]:
     return read_committed(file, lambda text: dict(json.loads(text)))
 
 
-def write_json(path: Path, content: dict) -> None:
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write a JSON file."""
     write_bytes(path, as_json(content))

@@ -6,24 +6,24 @@ from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache
 from importlib.resources import files
-from importlib.resources.abc import Traversable
 
 import numpy as np
 import pandas as pd
 
 from replication.files import read_committed
 
-DATA: Traversable = files("replication") / "data"
+DATA = files("replication") / "data"
 
 Criteria = Mapping[str, float] | None  # limits to try in place of those of `claims.csv`, by claim
 Measured = tuple[float | tuple[float, float], str]  # what a claim's rule compares, and in words
-Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 
 _INDEX = {"cells": "id", "claims": "id", "errata": "id"}
 
 
 @cache
-def _kept(name: str) -> pd.DataFrame:
+def read_data(name: str) -> pd.DataFrame:
+    """Read a data file once."""
+
     def parse(text: str) -> pd.DataFrame:
         table = pd.read_csv(io.StringIO(text), keep_default_na=False, index_col=_INDEX.get(name))
         return table.copy()  # in few blocks, which are quicker to copy
@@ -38,7 +38,7 @@ def table(name: str) -> pd.DataFrame:
     "deviations": which rules were changed after a result, and what each change did to a verdict.
     "authors_notebook_runs", "authors_notebook_generations": what the authors' notebook stores.
     """
-    return _kept(name).copy()
+    return read_data(name).copy()
 
 
 def cells(element: str | None = None) -> pd.DataFrame:
@@ -79,7 +79,8 @@ def half_last_digit(printed: str) -> float:
 def column(element: str, name: str) -> np.ndarray:
     """Printed values of one column of a table, in the order of its rows."""
     printed = cells(element)
-    return printed.loc[printed["column"] == name, "value"].to_numpy(float)
+    values: np.ndarray = printed.loc[printed["column"] == name, "value"].to_numpy(float)
+    return values
 
 
 def criterion(claim: str, criteria: Criteria = None) -> float:
@@ -121,11 +122,3 @@ def decide(
         "interval above": (low > limit, high < limit),
     }[rule]
     return True if holds else False if fails else None
-
-
-def decide_all(measured: Mapping[str, Measured], criteria: Criteria = None) -> dict[str, Decision]:
-    """Decide claims by what was measured of each, as `decide` does."""
-    return {
-        claim: (decide(claim, numbers, criteria), words)
-        for claim, (numbers, words) in measured.items()
-    }

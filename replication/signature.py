@@ -82,7 +82,8 @@ def h(t: FloatArray, X: Parameters | FloatArray, timing: Timing = MOVEMENT) -> F
     """
     X = Parameters(*X)
     turns = [f(t, X, X.t0 + i * timing.T_f, timing.T_d) for i in range(timing.n)]
-    return np.sum(turns, axis=0)  # equation 7
+    signature: FloatArray = np.sum(turns, axis=0)  # equation 7
+    return signature
 
 
 def rmse(

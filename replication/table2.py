@@ -6,6 +6,7 @@ that may have given it.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -146,7 +147,7 @@ def theoretical_amplitudes() -> dict[float, float]:
     return dict(zip(map(level_delta_rad, LEVELS), theoretical, strict=False))
 
 
-def table2_records(realisations: Iterable[int]) -> list[tuple[dict, Recording]]:
+def table2_records(realisations: Iterable[int]) -> list[tuple[dict[str, Any], Recording]]:
     """Load Table 2's ten records for each of some realisations R of the authors' noise, with what says which it is."""
     noise = published.column("Table 2", "noise")
     return [
@@ -171,7 +172,9 @@ def fit_each(recordings: Iterable[Recording], settings: SearchSettings, seed: in
 
 
 def repeated_fits(
-    records: Sequence[tuple[dict, Recording]], settings: SearchSettings, seeds: Iterable[int]
+    records: Sequence[tuple[dict[str, Any], Recording]],
+    settings: SearchSettings,
+    seeds: Iterable[int],
 ) -> pd.DataFrame:
     """Fit every record with every seed, on all cores.
 

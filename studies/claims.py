@@ -27,6 +27,7 @@ from replication.records import Recording, authors_checksums
 from replication.signature import FloatArray
 from replication.table2 import SETTINGS, basin_labels
 
+Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words name several
 
 
@@ -196,7 +197,7 @@ def write_words(claim: str, numbers: Numbers) -> str:
 
 
 def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
-    """What the rule of each claim compares, and the words, as `published.decide_all` takes them."""
+    """What the rule of each claim compares, and the words, by claim."""
     written: dict[str, Measured] = {}
     for claim, numbers in measured.items():
         compared: Any = tuple(float(numbers[name]) for name in CLAIMS[claim].compared)
@@ -204,11 +205,12 @@ def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
     return written
 
 
-def decide(
-    measured: Mapping[str, Numbers], criteria: Criteria = None
-) -> dict[str, published.Decision]:
+def decide(measured: Mapping[str, Numbers], criteria: Criteria = None) -> dict[str, Decision]:
     """Decide claims by what was measured of each, as `published.decide` does."""
-    return published.decide_all(write_all(measured), criteria)
+    return {
+        claim: (published.decide(claim, compared, criteria), words)
+        for claim, (compared, words) in write_all(measured).items()
+    }
 
 
 def span(numbers: pd.Series, form: str) -> str:

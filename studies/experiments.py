@@ -22,26 +22,24 @@ from studies.standins import Bench, clean_record, fit_logs, read_encoder
 FINE_BITS = 40  # of an encoder without steps
 
 
-def uniform_noise_test(noise: FloatArray) -> dict[str, float]:
-    """P-values of a noise: of two laws (Kolmogorov and Smirnov's), of its mean, of the correlation of neighbours."""
-    correlation = np.corrcoef(noise[1:], noise[:-1])[0, 1]
-    z = [noise.mean() / stats.sem(noise, ddof=0), correlation * np.sqrt(noise.size - 1)]
-    p_mean, p_lag_one = 2 * stats.norm.sf(np.abs(z))
-    return {
-        "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
-        "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
-        "p_mean": p_mean,
-        "p_lag_one": p_lag_one,
-    }
+def noise_tests(noises: Iterable[FloatArray]) -> DataFrame:
+    """P-values of noises: of two laws (Kolmogorov and Smirnov's), of the mean, of the correlation of neighbours.
 
-
-def noise_tests(noises: Mapping[tuple[int, int], FloatArray]) -> DataFrame:
-    """Test the noise added to records, by (level, realisation), for its law, its mean and correlation of neighbours.
-
-    P-values are not corrected for their number; those of the law are Kolmogorov and Smirnov's.
+    They are not corrected for their number.
     """
-    tested = DataFrame([uniform_noise_test(noise) for noise in noises.values()])
-    return DataFrame(list(noises), columns=["level", "realisation"]).join(tested)
+    rows = []
+    for noise in noises:
+        correlation = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+        z = [noise.mean() / stats.sem(noise, ddof=0), correlation * np.sqrt(noise.size - 1)]
+        p_mean, p_lag_one = 2 * stats.norm.sf(np.abs(z))
+        row = {
+            "p_uniform": stats.kstest(noise, stats.uniform(noise.min(), np.ptp(noise)).cdf).pvalue,
+            "p_normal": stats.kstest(noise, stats.norm(noise.mean(), noise.std()).cdf).pvalue,
+            "p_mean": p_mean,
+            "p_lag_one": p_lag_one,
+        }
+        rows.append(row)
+    return DataFrame(rows)
 
 
 def amplitudes_without_backlash(seeds: Sequence[int], noise_rps: float) -> FloatArray:

@@ -48,7 +48,6 @@ class Identification(NamedTuple):
     interval_95: dict[str, tuple[float, float]]  # of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     nrmse: float  # root of the mean over the levels of the squared normalised RMSE
-    simulations: int  # of all records, those for the Jacobian among them
 
 
 def settled_sd(record: Recording) -> float:
@@ -125,8 +124,7 @@ def identify_joint(records: Records, start: Joint) -> Identification:
         for name, x, h in zip(names, fit.x.tolist(), half.tolist(), strict=True)
     }
     correlation = pd.DataFrame(inverse / np.outer(sd, sd), index=names, columns=names)
-    simulations = fit.nfev + 2 * len(names) * fit.njev
-    return Identification(joint, intervals, correlation, np.sqrt(2 * fit.cost / size), simulations)
+    return Identification(joint, intervals, correlation, np.sqrt(2 * fit.cost / size))
 
 
 def identify_lead(records: Records, joint: Joint, leads: Iterable[float]) -> float:

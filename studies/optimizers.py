@@ -178,50 +178,39 @@ def _rectangles(cost: Cost, seed: int) -> None:
     optimize.direct(cost, cube, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
-SEARCH_METHODS: dict[str, tuple[str, Method]] = {
+def _local(method: str) -> Callable[[Cost, FloatArray], None]:
+    return partial(_minimize, method=method)
+
+
+LOCAL = ("L-BFGS-B", "Nelder-Mead")
+STARTS = {"one start": 1, "fifty starts along t0": 50}
+# By name, what kind each is and how it searches.
+RANDOM: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
     "CMA-ES, its own population": ("CMA-ES", partial(_covariance, population=OWN_POPULATION)),
     "CMA-ES, its own population, restarts doubling it": (
         "CMA-ES",
         partial(_covariance, population=OWN_POPULATION, restarts=True),
     ),
-    **{
-        f"{name}, population 300": (
-            "swarm",
-            partial(_swarm, algorithm=algorithm, population_size=POPULATION),
-        )
-        for name, algorithm in SWARMS.items()
-    },
-    **{
-        f"{name}, its own population": ("swarm", partial(_swarm, algorithm=algorithm))
-        for name, algorithm in SWARMS.items()
-    },
-    "least squares, restarted": ("classical", partial(_restarted, descend=_least_squares)),
-    "L-BFGS-B, restarted": (
-        "classical",
-        partial(_restarted, descend=partial(_minimize, method="L-BFGS-B")),
-    ),
-    "Nelder-Mead, restarted": (
-        "classical",
-        partial(_restarted, descend=partial(_minimize, method="Nelder-Mead")),
-    ),
-    **{
-        f"{method}, {name}": (
-            "classical",
-            partial(_from_grid, descend=partial(_minimize, method=method), starts=starts),
-        )
-        for method, (name, starts) in product(
-            ("L-BFGS-B", "Nelder-Mead"), (("one start", 1), ("fifty starts along t0", 50))
-        )
-    },
-    "DIRECT": ("classical", _rectangles),
-    "grid and simplex descents, A and v_t solved": ("prepared", _grid_then_simplex),
 }
-# Methods without chance run once on each of the fifty public records of low noise.
-DETERMINISTIC = [*SEARCH_METHODS][-6:]
-DEAR = [
-    method for method in DETERMINISTIC if "fifty" in method or method == "DIRECT"
-]  # on twenty of them
+for name, algorithm in SWARMS.items():
+    swarm = partial(_swarm, algorithm=algorithm)
+    RANDOM[f"{name}, population 300"] = "swarm", partial(swarm, population_size=POPULATION)
+for name, algorithm in SWARMS.items():
+    RANDOM[f"{name}, its own population"] = "swarm", partial(_swarm, algorithm=algorithm)
+RANDOM["least squares, restarted"] = "classical", partial(_restarted, descend=_least_squares)
+for method in LOCAL:
+    RANDOM[f"{method}, restarted"] = "classical", partial(_restarted, descend=_local(method))
+# They run once on each of the fifty public records of low noise.
+DETERMINISTIC: dict[str, tuple[str, Method]] = {}
+for method, (name, starts) in product(LOCAL, STARTS.items()):
+    search_from = partial(_from_grid, descend=_local(method), starts=starts)
+    DETERMINISTIC[f"{method}, {name}"] = "classical", search_from
+DETERMINISTIC["DIRECT"] = "classical", _rectangles
+DETERMINISTIC["grid and simplex descents, A and v_t solved"] = "prepared", _grid_then_simplex
+SEARCH_METHODS = RANDOM | DETERMINISTIC
+# On twenty of them.
+DEAR = [method for method in DETERMINISTIC if "fifty" in method or method == "DIRECT"]
 
 
 def planned_runs() -> list[tuple[str, int, int, int]]:

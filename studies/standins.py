@@ -20,7 +20,7 @@ from replication.records import Recording
 from replication.signature import TURN, FloatArray
 from replication.table2 import NOTEBOOK, repeated_fits, summarise_runs
 
-SAMPLE = 2e-3
+SAMPLE_S = 2e-3
 TURNS = 12  # of a log
 VARIED_RATIOS = ("K_s/J_l", "G/J_l", "J_l/(N^2 J_m)", "K_p/J_m", "K_i/J_m")
 DIAL_GAUGE_RAD = 3e-5  # SD of a static measure of the backlash: 0.01 mm at 0.3 m
@@ -89,7 +89,7 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
 
 def clean_record(joint: Joint, delta: float, turns: int = TURNS) -> Recording:
     """Record of the motor's true speed, as the authors' noise-free records are."""
-    run = simulate(joint, delta, turns * joint.turn_period, SAMPLE, step=5e-5)
+    run = simulate(joint, delta, turns * joint.turn_period, SAMPLE_S, step=5e-5)
     source = f"simulated joint, {delta:g} rad"
     return Recording(run.t, run.v, joint.Omega / TURN, joint.turn_period, source)
 
@@ -104,7 +104,7 @@ def read_encoder(
 
 
 def encoder_log(
-    bench: Bench, delta: float, rng: np.random.Generator, sample: float = SAMPLE
+    bench: Bench, delta: float, rng: np.random.Generator, sample: float = SAMPLE_S
 ) -> Recording:
     """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = bench.joint._replace(start_angle=float(rng.uniform(0, TURN)))
@@ -118,16 +118,9 @@ def encoder_log(
 
 
 def fit_log(bench: Bench, delta: float, seed: Sequence[int]) -> dict[str, float]:
-    """Log a bench and find the best fit of the signature; `turns_used` are those after its first impact."""
+    """Log a bench and find A of the best fit of the signature."""
     record = encoder_log(bench, delta, np.random.default_rng(seed))
-    fit = best_fit(record)
-    return {
-        "delta_rad": delta,
-        "A_rps": fit.amplitude_rps,
-        "rmse_rps": fit.rmse,
-        "sd_rps": float(record.v.std()),
-        "turns_used": TURNS - fit.X.t0 / record.turn_period_s,
-    }
+    return {"delta_rad": delta, "A_rps": best_fit(record).amplitude_rps}
 
 
 def fit_logs(cases: Iterable[tuple[Bench, float]], seed: int) -> pd.DataFrame:

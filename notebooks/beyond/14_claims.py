@@ -91,7 +91,9 @@ amplitudes = experiments.amplitudes_without_backlash(
 )
 by_turns = workbook.read_kept("noise_by_turns")
 measured = {
-    "uniform_noise": measures.measure_uniform_noise(experiments.noise_tests(added)),
+    "uniform_noise": measures.measure_uniform_noise(
+        experiments.noise_tests(added.values())
+    ),
     "no_backlash": measures.measure_no_backlash(amplitudes, smallest_mean),
     "turns_reduce_noise": measures.measure_turns(by_turns),
 } | measures.measure_public_files()
@@ -209,7 +211,8 @@ workbook.say(f"Undecided: {full_robot[1]}.")
 
 # %%
 claims = measures.decide(measured, criteria)
-claims |= published.decide_all({"full_robot": full_robot}, criteria)
+undecided = published.decide("full_robot", full_robot[0], criteria)
+claims["full_robot"] = undecided, full_robot[1]
 counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
 counts |= workbook.judge(claims=claims)["verdict"].value_counts()
 decided = (
