@@ -119,7 +119,7 @@ def test_a_damaged_data_file_is_named_in_one_line(name, damage, tmp_path, monkey
     file.write_bytes(text)
     monkeypatch.setattr(published, "DATA", file.parent)
     monkeypatch.setattr(joint, "files", lambda package: tmp_path)
-    monkeypatch.setattr(published, "_kept", published.read_data.__wrapped__)
+    monkeypatch.setattr(published, "read_data", published.read_data.__wrapped__)
     READERS[name]()
     file.write_bytes(damage(text)) if damage else file.unlink()
     with pytest.raises(UserError, match=rf"^{file}: .*git checkout brings it back$"):

@@ -119,7 +119,7 @@ def test_the_lead_is_the_one_whose_first_turn_fits(records):
 
 def test_the_joint_is_identified_from_four_levels_and_160_periods(monkeypatch):
     levels = []
-    fit = identification.Identification(JOINT, {"K_pos": (1.23456, 2.0)}, None, 0.0123456, 1)
+    fit = identification.Identification(JOINT, {"K_pos": (1.23456, 2.0)}, None, 0.0123456)
     monkeypatch.setattr(identification, "load_clean_records", levels.extend)
     monkeypatch.setattr(identification, "identify_joint", lambda records, start: fit)
     monkeypatch.setattr(identification, "identify_lead", lambda records, joint, leads: leads[-1])
