@@ -3,7 +3,6 @@ import io
 import re
 from contextlib import redirect_stdout
 from importlib import import_module
-from types import SimpleNamespace
 
 import IPython.display
 import joblib
@@ -14,7 +13,6 @@ import pytest
 from matplotlib import pyplot as plt
 
 import workbook
-from workbook import lab
 from workbook.sources import notebook_sources
 
 
@@ -71,19 +69,6 @@ def on_simulated_records(monkeypatch):
     monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
 
 
-@pytest.fixture
-def run_notebook(monkeypatch, on_simulated_records):
-    """Run a notebook with other parameters; returns its names, verdict and what it printed."""
-
-    def run(name, **parameters):
-        running = Running(monkeypatch, name, parameters)
-        for cell in running.cells:
-            running.execute(cell)
-        return running.names, running.verdicts[0], running.printed.getvalue()
-
-    return run
-
-
 # What takes long, and a change seldom touches.
 COMPUTED_ONCE = {
     "backlash": ["estimate"],
@@ -123,7 +108,7 @@ def compute_once(function):
 
 
 @pytest.fixture
-def run_to_promises(monkeypatch, computed_once):
+def run_notebook(monkeypatch, computed_once):
     """Run a notebook without its exercises, with other parameters, then as a change has it; returns the run."""
 
     def run(name, parameters=(), code=""):
@@ -142,18 +127,17 @@ def run_to_promises(monkeypatch, computed_once):
 
 @pytest.fixture
 def answer_exercises(monkeypatch, on_simulated_records):
-    """Run a lab copy with its solutions; returns what the check of each exercise says, of other answers too."""
+    """Run a lab copy with its solutions; returns what the check of each exercise says of other answers."""
 
-    def run(name, others, edit=("", ""), **parameters):
-        running, exercises = Running(monkeypatch, name, parameters, edit), []
+    def run(name, answers, edit=("", ""), **parameters):
+        running, asked, said = Running(monkeypatch, name, parameters, edit), {}, {}
         source = "\n".join(cell.source for cell in running.cells)
         line = re.search(r"^((?:\w+ = )+)\S+  # your answers", source, re.MULTILINE)[1]
-        names = line.split(" = ")
-        asked = {}
+        exercises = iter(line.split(" = "))
         check_answer = workbook.check_answer
 
         def spy(answer, expected, to=0.0):
-            asked.update(expected=expected, to=to)
+            asked["to"] = to
             check_answer(answer, expected, to)
 
         monkeypatch.setattr(workbook, "check_answer", spy)
@@ -162,53 +146,29 @@ def answer_exercises(monkeypatch, on_simulated_records):
             if "solution" in tags:
                 solution = cell
             elif "check" in tags:
-                answer = names[len(exercises)]
-                stripped = solution.copy()
-                lab.ask_for_answer(stripped)
-                tried = others.get(answer, {})
-                exercises.append(
-                    answer_exercise(running, answer, stripped, solution, cell, asked, tried)
-                )
+                exercise = next(exercises)
+                assert running.execute(cell) == "", "said where there is no answer"
+                running.execute(solution)
+                running.execute(cell)
+                said[exercise] = {
+                    answer: answer_exercise(running, exercise, cell, value)
+                    for answer, value in values_of(answers(exercise), running, exercise, **asked)
+                }
             else:
                 running.execute(cell)
-        return exercises
+        return said
 
     return run
 
 
-def answer_exercise(running, name, stripped, solution, check, asked, others):
-    """What a check says of no answer, of the solution, near misses, honest roundings, and of others, as code."""
-    assert running.execute(stripped) == ""
-    blank = running.execute(check)
-    running.execute(solution)
-    right = np.asarray(running.names[name], dtype=float)
-    of_solution = running.execute(check)
-    to = asked["to"]
+def values_of(answers, running, exercise, to):
+    """Answers in words of a notebook, of what is `right` there, and of `off`, by which an answer is just wrong."""
+    right = np.asarray(running.names[exercise], dtype=float)[()]
+    words = running.names | {"right": right, "to": to or 1.0, "off": 1.6 * to or 1.0}
+    return [(answer, np.asarray(eval(answer, words), dtype=float)[()]) for answer in answers]
 
-    def of(answers):
-        said = []
-        for answer in answers:
-            running.names[name] = answer[()]
-            said.append(running.execute(check).partition(":")[0])
-        running.names[name] = right[()]
-        return said
 
-    unit = to or 1.0
-    roundings = [to * np.round(right / to), to * np.trunc(right / to)] if to else [right, right]
-    misses = [right + 1.6 * unit, right - 1.6 * unit, right + 37 * unit]
-    if not to:
-        misses += [right + 0.36, right + 1]
-    running.names[name] = "one"
-    of_word = running.execute(check)
-    known = running.names | {name: right[()], "right": right[()]}
-    values = [np.asarray(eval(other, known), dtype=float) for other in others]
-    return SimpleNamespace(
-        name=name,
-        to=to,
-        blank=blank,
-        of_solution=of_solution,
-        of_roundings=of(roundings),
-        of_misses=of(misses),
-        of_word=of_word,
-        of_others=dict(zip(others, of(values), strict=True)),
-    )
+def answer_exercise(running, exercise, check, value):
+    """What a check says of an answer."""
+    running.names[exercise] = value
+    return running.execute(check).partition(":")[0]

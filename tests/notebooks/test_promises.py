@@ -37,11 +37,11 @@ def assert_kept(run, name):
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_each_change_does_what_the_notebook_says(name, run_to_promises, authors_data):
-    assert_kept(run_to_promises, name)
+def test_each_change_does_what_the_notebook_says(name, run_notebook, authors_data):
+    assert_kept(run_notebook, name)
 
 
 def test_each_change_does_what_the_notebook_says_on_logs_of_real_joints(
-    run_to_promises, hardware_logs
+    run_notebook, hardware_logs
 ):
-    assert_kept(run_to_promises, "15")
+    assert_kept(run_notebook, "15")

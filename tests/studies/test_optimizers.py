@@ -67,24 +67,11 @@ def test_classical_methods_cannot_be_applied_if_the_best_of_them_fails_more_ofte
     assert f"simplex {found} of 30" in words
 
 
-JOB = ["method", "level", "realisation", "seed"]
-
-
-def read_kept():
-    return pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
-
-
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
-    kept = read_kept()
-    jobs = list(kept[JOB].itertuples(index=False, name=None))
+    kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
+    job = ["method", "level", "realisation", "seed"]
+    jobs = list(kept[job].itertuples(index=False, name=None))
     assert sorted(jobs) == sorted(optimizers.planned_runs())
     assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()
     assert kept["rmse_over_best"].min() > 1 - 2e-3
     assert (kept["evaluations"] <= optimizers.BUDGET).all()
-
-
-@pytest.mark.slow
-def test_kept_runs_drawn_at_random_find_the_best_basin_again_or_not(authors_data):
-    drawn = read_kept().sample(6, random_state=1)
-    jobs = list(drawn[JOB].itertuples(index=False, name=None))
-    assert optimizers.run_jobs(jobs)["found"].tolist() == drawn["found"].tolist()
