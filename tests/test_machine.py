@@ -19,6 +19,16 @@ from workbook.__main__ import main as workbook_command
 ROOT = Path(__file__).resolve().parents[1]
 
 
+def run(*words, **options):
+    """Run a program; what it prints is text."""
+    return subprocess.run(words, capture_output=True, text=True, **options)
+
+
+def assert_one_line(printed, says):
+    assert printed.count("\n") == 1
+    assert says in printed
+
+
 def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
     """A folder's name cannot be a command."""
     checkout = tmp_path / "x';touch PWNED;echo '$(touch PWNED)"
@@ -26,13 +36,7 @@ def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
     for name in ("Makefile", "pyproject.toml", "requirements.lock"):
         (checkout / name).write_bytes((ROOT / name).read_bytes())
     goals = (".venv/.installed", ".venv/.test", "test", "lab", "lint", "check")
-    made = subprocess.run(
-        ["make", "--dry-run", "--no-print-directory", *goals],
-        cwd=checkout,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    made = run("make", "--dry-run", "--no-print-directory", *goals, cwd=checkout, check=True)
     assert "venv" in made.stdout
     assert "PWNED" not in made.stdout
     assert not list(tmp_path.rglob("PWNED"))
@@ -42,22 +46,18 @@ def test_make_all_ends_where_it_cannot_ask_what_is_still_there(tmp_path):
     for name in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/small.ran"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    command = ["make", "--no-print-directory", "-f", ROOT / "Makefile", "all", "PY=false"]
-    command += ["STAMPS=.make/small.ran"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True)
-    assert ended.returncode == 2
-    assert ended.stdout == b""
+    settings = ["--no-print-directory", "PY=false", "STAMPS=.make/small.ran"]
+    ended = run("make", "-f", ROOT / "Makefile", "all", *settings, cwd=tmp_path)
+    assert (ended.returncode, ended.stdout) == (2, "")
 
 
 @pytest.mark.parametrize("words", [["workbook", "check"], ["backlash", "example"]], ids=str)
 def test_a_command_whose_output_is_closed_says_so_in_one_line(words, tmp_path):
-    line = 'cd "$0"; exec "$1" -m "$2" "$3" >&-'
-    command = ["sh", "-c", line, tmp_path, sys.executable, *words]
+    line = 'exec "$0" -m "$1" "$2" >&-'
     variables = os.environ | {"PYTHONPATH": str(ROOT)}
-    ended = subprocess.run(command, env=variables, capture_output=True, text=True)
+    ended = run("sh", "-c", line, sys.executable, *words, env=variables, cwd=tmp_path)
     assert ended.returncode == 2
-    assert ended.stderr.count("\n") == 1
-    assert "standard output is closed" in ended.stderr
+    assert_one_line(ended.stderr, "standard output is closed")
 
 
 def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
@@ -76,14 +76,11 @@ def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, c
     monkeypatch.delenv("BACKLASH_DATA", raising=False)
     monkeypatch.setitem(sys.modules, "workbook.sources", None)
     assert workbook_command(["check"]) == 2
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    assert "remove .venv, and make" in line
+    assert_one_line(capsys.readouterr().err, "remove .venv, and make")
 
 
 def test_make_names_the_list_of_kept_tables_where_it_is_gone(tmp_path):
-    command = ["make", "-f", ROOT / "Makefile", ".make/report.ran"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    ended = run("make", "-f", ROOT / "Makefile", ".make/report.ran", cwd=tmp_path)
     assert ended.returncode == 2
     assert "results/kept_sha256.json is missing; git checkout brings it back" in ended.stderr
 
@@ -131,9 +128,7 @@ def test_data_in_a_wrong_place_end_in_one_line_that_names_the_variable(value, mo
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("BACKLASH_DATA", value)
     assert workbook_command(["data"]) == 2
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    assert "BACKLASH_DATA" in line
+    assert_one_line(capsys.readouterr().err, "BACKLASH_DATA")
 
 
 @pytest.mark.slow
@@ -149,13 +144,8 @@ def test_an_answer_and_its_plot_hang_on_none_of_a_users_settings(tmp_path):
     for variables in ({}, hostile):
         picture = tmp_path / f"{len(pictures)}.svg"
         options = ["--turn-period", "0.4", "--plot", picture]
-        ended = subprocess.run(
-            [sys.executable, "-m", "backlash", "estimate", log, *options],
-            cwd=ROOT,
-            env=os.environ | variables,
-            capture_output=True,
-            check=True,
-        )
+        words = [sys.executable, "-m", "backlash", "estimate", log, *options]
+        ended = run(*words, cwd=ROOT, env=os.environ | variables, check=True)
         pictures.append(picture.read_bytes())
     assert ended.stdout.isascii()
     assert pictures[0] == pictures[1]
@@ -177,33 +167,25 @@ except UserError as error:
 """
 
 
-def assert_numba_is_named(folder, setting, arguments):
-    """Start Python under a setting of numba's, in a folder, and look for one line that names it."""
+ESTIMATE = ["-m", "backlash", "estimate", "log.csv", "--turn-period", "0.4"]
+
+
+@pytest.mark.parametrize(
+    ("setting", "arguments", "status"),
+    [*((setting, ["-c", COMPILE], 1) for setting in SETTINGS), ("no number", ESTIMATE, 2)],
+    ids=[*SETTINGS, "command"],
+)
+def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(
+    tmp_path, setting, arguments, status
+):
     variables, file, says = SETTINGS[setting]
-    (folder / ".numba_config.yaml").write_text(file or "{}")
-    ended = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=os.environ | variables | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-    )
-    assert ended.returncode
-    assert ended.stderr.count("\n") == 1
-    assert says in ended.stderr
+    (tmp_path / ".numba_config.yaml").write_text(file or "{}")
+    write(noisy(), tmp_path / "log.csv")
+    environment = os.environ | variables | {"PYTHONPATH": str(ROOT)}
+    ended = run(sys.executable, *arguments, cwd=tmp_path, env=environment)
+    assert ended.returncode == status
+    assert_one_line(ended.stderr, says)
     assert "NUMBA_" in ended.stderr
-    return ended
-
-
-@pytest.mark.parametrize("setting", SETTINGS)
-def test_a_setting_that_numba_does_not_start_with_is_named_in_one_line(tmp_path, setting):
-    assert_numba_is_named(tmp_path, setting, ["-c", COMPILE])
-
-
-def test_a_command_that_numba_does_not_start_for_ends_in_one_line(tmp_path):
-    log = write(noisy(), tmp_path / "log.csv")
-    words = ["-m", "backlash", "estimate", log, "--turn-period", "0.4"]
-    assert assert_numba_is_named(tmp_path, "no number", words).returncode == 2
 
 
 ASK = """
@@ -223,10 +205,8 @@ main(["estimate", "log.csv"])
 def test_the_command_computes_alike_on_every_processor_unless_a_kernel_is_chosen(chosen):
     pinned = compilation.pinned_environment()
     environment = {name: value for name, value in os.environ.items() if name not in pinned}
-    asked = [sys.executable, "-c", ASK.replace("NAMES", repr([*pinned]))]
-    ended = subprocess.run(
-        asked, cwd=ROOT, env=environment | chosen, capture_output=True, text=True, check=True
-    )
+    asked = ASK.replace("NAMES", repr([*pinned]))
+    ended = run(sys.executable, "-c", asked, cwd=ROOT, env=environment | chosen, check=True)
     expected = dict.fromkeys(pinned) | chosen if chosen else pinned
     assert ast.literal_eval(ended.stdout) == expected
 
@@ -239,6 +219,4 @@ def test_a_processor_without_avx2_gets_no_code_for_it(monkeypatch):
 def test_an_empty_name_is_no_folder_of_logs(capsys):
     with pytest.raises(SystemExit, match="2"):
         command("estimate ''")
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    assert "empty name" in line
+    assert_one_line(capsys.readouterr().err, "empty name")
