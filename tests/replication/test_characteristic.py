@@ -21,11 +21,3 @@ def test_printed_relative_errors_follow_from_the_printed_means_but_for_rounding(
     assert (off <= table["rounding_percent"]).all()
     # Of 0.5e-4 rps in the mean and 0.5e-2 in the error.
     assert table["rounding_percent"].max() == pytest.approx(100 * 0.5e-4 / 0.2769 + 0.5e-2)
-
-
-def test_equation_10_gives_the_printed_levels_with_A_in_rpm():
-    theoretical = published.column("Table 2", "theoretical")[:10]
-    delta = characteristic.equation_10(theoretical)
-    off = np.abs(delta - characteristic.printed_levels_rad())
-    assert off.max() == pytest.approx(1.8e-5, abs=0.05e-5)
-    assert "1.8e-5 rad" in published.table("errata")["effect"]["E2"]

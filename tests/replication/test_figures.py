@@ -1,10 +1,8 @@
 import re
 
 import pytest
-from matplotlib import pyplot as plt
 
 import workbook
-from replication import figures
 
 # Axes without a unit: ratios of like quantities, and counts.
 DIMENSIONLESS = {
@@ -27,19 +25,3 @@ def test_every_axis_of_a_figure_has_a_unit_or_is_known_to_have_none(figure):
     labels = {label.strip() for label in re.split("; | versus ", described[1])}
     assert labels
     assert all("[" in name for name in labels - DIMENSIONLESS), labels
-
-
-def test_curves_have_their_names_styles_and_limits():
-    figure = figures.curves(
-        {"line": ([0, 1], [2, 3]), "mark": (0.5, 2.5, figures.MARKS)},
-        "time [s]",
-        "$r$ [rps]",
-        xlim=(0, 2),
-    )
-    (axis,) = figure.axes
-    line, mark = axis.lines
-    assert [line.get_label(), mark.get_label()] == ["line", "mark"]
-    assert (line.get_linestyle(), mark.get_linestyle()) == ("-", "None")
-    assert axis.get_xlim() == (0, 2)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["line", "mark"]
-    plt.close(figure)

@@ -49,10 +49,3 @@ def test_the_box_is_table_1():
     expected = Parameters(A=[-1.25, 1.25], t0=[1, 5], v_t=[99, 101.5], **printed)
     np.testing.assert_allclose(np.transpose([*box]), expected, rtol=1e-4)
     assert table1_box(t, v, 1.3).upper[0] == pytest.approx(1.3 * 1.25)
-
-
-def test_the_sign_of_the_amplitude_says_nothing_but_for_the_first_half_turn():
-    t = 0.002 * np.arange(100, 2300) + 1e-3
-    np.testing.assert_allclose(
-        h(t, X), h(t, X._replace(A=-0.5, t0=0.01 + 0.2 - 0.4), Timing(n=13)), atol=1e-9
-    )
