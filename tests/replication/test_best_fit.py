@@ -1,21 +1,13 @@
 """The least misfit is found, and no run of the search ends below it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from replication import best_fit, table2
-from replication.records import Recording, add_noise, constant_speed
-from replication.signature import Box, Parameters, h, rmse
+from replication.records import constant_speed
+from replication.signature import Box, rmse
 from studies import standins
-
-TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
-
-
-def make_record(X: Parameters = TRUE) -> Recording:
-    base = constant_speed()
-    return add_noise(replace(base, v=base.v + h(base.t, X)), 0.1, np.random.default_rng(1))
+from tests.made import TRUE, make_record
 
 
 @pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.RPM_600], ids=lambda each: each.name)

@@ -5,13 +5,7 @@ import pytest
 
 from replication.misfit import PROJECTED, cost, fold, population_rmse, project
 from replication.signature import MOVEMENT, Parameters, Timing, h, rmse, table1_box
-
-TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
-
-
-def make_record(t, noise=0.1):
-    rng = np.random.default_rng(1)
-    return 100 + h(t, TRUE) + rng.uniform(-noise, noise, t.size)
+from tests.made import TIME, TRUE, make_record
 
 
 def draw_members(t, v, number):
@@ -29,8 +23,7 @@ def draw_members(t, v, number):
 @pytest.mark.parametrize("timing", [MOVEMENT, Timing(0.002, 0.408, 11), Timing(0.1, 0.4, 3)])
 @pytest.mark.parametrize("begin", [0.0, 1.3])
 def test_the_compiled_cost_is_that_of_equations_5_to_7_and_11(timing, begin):
-    t = begin + 0.002 * np.arange(2401)
-    v = make_record(t - begin)
+    t, v = begin + TIME, make_record().v
     members = draw_members(t, v, 60)
     expected = [rmse(t, v, X, timing) for X in members]
     np.testing.assert_allclose(population_rmse(members, fold(t, v, timing)), expected, rtol=1e-11)
@@ -39,8 +32,7 @@ def test_the_compiled_cost_is_that_of_equations_5_to_7_and_11(timing, begin):
 
 @pytest.mark.parametrize(("off", "folds"), [(0.95, True), (1.05, False)])
 def test_a_record_is_folded_if_its_instants_and_turns_are_even_within_a_millionth(off, folds):
-    t = 0.002 * np.arange(2401)
-    v = make_record(t)
+    t, v = TIME, make_record().v
     shift = off * 1e-6 * 0.002
     uneven = t + shift * (np.arange(t.size) == 7)
     assert (fold(uneven, v, MOVEMENT) is not None) == folds
@@ -57,7 +49,7 @@ def test_a_record_that_cannot_be_folded_is_fitted_by_the_equations_themselves():
         (even, Timing(0.4, 0.4, 6)),
         (even, Timing(0.0, 0.4, 6)),
     ]:
-        v = make_record(t)
+        v = make_record(t=t).v
         members = draw_members(t, v, 6)
         assert fold(t, v, timing) is None
         expected = [rmse(t, v, X, timing) for X in members]
@@ -65,8 +57,7 @@ def test_a_record_that_cannot_be_folded_is_fitted_by_the_equations_themselves():
 
 
 def test_the_projection_gives_the_least_misfit_over_A_and_v_t():
-    t = 0.002 * np.arange(2401)
-    v = make_record(t)
+    t, v = TIME, make_record().v
     members = draw_members(t, v, 12)
     record = fold(t, v, MOVEMENT)
     projected, misfits = project(members[:, PROJECTED], record, largest_A=5.0)
@@ -81,9 +72,8 @@ def test_the_projection_gives_the_least_misfit_over_A_and_v_t():
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_projected_A_stays_within_its_bound(sign):
-    t = 0.002 * np.arange(2401)
-    v = 100 + sign * (make_record(t) - 100)
+    v = 100 + sign * (make_record().v - 100)
     shape = np.array([TRUE])[:, PROJECTED]
-    projected, misfits = project(shape, fold(t, v, MOVEMENT), largest_A=0.1)
+    projected, misfits = project(shape, fold(TIME, v, MOVEMENT), largest_A=0.1)
     assert projected[0, 0] == -0.1 * sign
-    assert misfits[0] == pytest.approx(rmse(t, v, projected[0]), rel=1e-9)
+    assert misfits[0] == pytest.approx(rmse(TIME, v, projected[0]), rel=1e-9)

@@ -8,15 +8,7 @@ import pytest
 
 from replication import table2
 from replication.files import ROOT
-from replication.records import Recording, add_noise, constant_speed
-from replication.signature import Parameters, h
-
-TRUE = Parameters(A=-0.6, t0=0.0125, tau=15.0, omega=134.0, v_t=100.0, T2=0.1525, T1=0.0125)
-
-
-def make_record(X: Parameters = TRUE) -> Recording:
-    base = constant_speed()
-    return add_noise(replace(base, v=base.v + h(base.t, X)), 0.1, np.random.default_rng(1))
+from tests.made import TRUE, make_record
 
 
 def test_records_fitted_with_one_seed_are_fitted_as_each_alone():

@@ -3,18 +3,11 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.records import Recording
-from replication.signature import h, rmse
+from replication.signature import rmse
 from studies import claims, optimizers
+from tests.made import TIME, TRUE, make_record
 
-T = 0.002 * np.arange(801)
-X = np.array([1.0, 0.01, 14.0, 130.0, 100.0, 0.1507, 0.0113])
-
-
-@pytest.fixture
-def record():
-    noise = np.random.default_rng(1).uniform(-0.1, 0.1, T.size)
-    return Recording(T, 100 + h(T, X) + noise, 100.0, 0.4, "made")
+RECORD = make_record(t=TIME[:801])
 
 
 def result(method, kind, found, runs=30):
@@ -22,22 +15,22 @@ def result(method, kind, found, runs=30):
     return [rows | {"found": k < found} for k in range(runs)]
 
 
-def test_the_cost_and_the_residuals_are_the_papers(record):
-    cost = optimizers.Cost(record, 0.0, 1000)
-    unit = (X - cost.box.lower) / (cost.box.upper - cost.box.lower)
-    expected = rmse(T, record.v, X)
+def test_the_cost_and_the_residuals_are_the_papers():
+    cost = optimizers.Cost(RECORD, 0.0, 1000)
+    unit = (TRUE - cost.box.lower) / (cost.box.upper - cost.box.lower)
+    expected = rmse(RECORD.t, RECORD.v, TRUE)
     assert cost(unit) == pytest.approx(expected, rel=1e-9)
     assert np.linalg.norm(cost.residuals(unit)) == pytest.approx(expected, rel=1e-9)
-    assert cost.of_members(X[None])[0] == pytest.approx(expected, rel=1e-9)
+    assert cost.of_members(np.array([TRUE]))[0] == pytest.approx(expected, rel=1e-9)
     assert cost.evaluations == 3
 
 
 @pytest.mark.parametrize("method", optimizers.SEARCH_METHODS)
-def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(record, method):
+def test_a_method_spends_its_budget_and_a_seed_gives_the_same_run(method):
     _, run = optimizers.SEARCH_METHODS[method]
     best = []
     for _ in range(2):
-        cost = optimizers.Cost(record, 0.0, 400)
+        cost = optimizers.Cost(RECORD, 0.0, 400)
         with pytest.raises(optimizers.SearchEnded):
             run(cost, 5)
         assert 400 <= cost.evaluations < 400 + optimizers.POPULATION
