@@ -27,11 +27,9 @@ DELTA = 17e-4
 
 def settled_nrmse(joint, records):
     """Of each record, over its turns from the second on."""
-    runs = {delta: simulate(joint, delta, step=5e-5).v for delta in records}
-    errors = [
-        (runs[delta] - record.v)[200:] / record.v[200:].std() for delta, record in records.items()
-    ]
-    return np.sqrt(np.mean(np.square(errors), axis=1))
+    settled = np.array([record.v[200:] for record in records.values()])
+    errors = [simulate(joint, delta, step=5e-5).v[200:] for delta in records] - settled
+    return np.sqrt((errors**2).mean(axis=1)) / settled.std(axis=1)
 
 
 def test_the_identified_joint_repeats_every_public_record(authors_data):
@@ -103,11 +101,10 @@ def test_where_errors_are_linear_in_the_ratios_it_is_the_linear_least_squares(mo
     expected, (squares,), *_ = np.linalg.lstsq(matrix, measured)
     covariance = squares / (60 - 11) * np.linalg.inv(matrix.T @ matrix)
     sd = np.sqrt(np.diag(covariance))
-    ends = expected + np.outer((-1, 1), stats.t(60 - 11).ppf(0.975) * sd)
-    for name, factor, *interval in zip(old, expected, *ends, strict=True):
+    ends = expected[:, None] + np.outer(sd, stats.t(60 - 11).ppf([0.025, 0.975]))
+    for name, factor, interval in zip(old, expected, ends, strict=True):
         assert ratios(fit.joint)[name] == pytest.approx(old[name] * factor, rel=1e-6)
-        interval = sorted(old[name] * np.array(interval))
-        assert fit.interval_95[name] == pytest.approx(interval, rel=1e-5)
+        assert fit.interval_95[name] == pytest.approx(sorted(old[name] * interval), rel=1e-5)
     assert fit.nrmse == pytest.approx(np.sqrt(squares / 60), rel=1e-6)
     np.testing.assert_allclose(fit.correlation, covariance / np.outer(sd, sd), atol=1e-5)
 
