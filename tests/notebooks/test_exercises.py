@@ -8,17 +8,6 @@ import pytest
 from workbook.sources import notebook_sources
 
 SOURCES = notebook_sources()
-# Parameters with which a notebook runs faster; the checks hold for any.
-FASTER = {
-    "00": {"runs": 1},
-    "03": {"alphas": [1e5], "start_factor": 1.0},
-    "05": {"seeds": 2},
-    "07": {"seeds": [1]},
-    "08": {"public": [1], "runs_each": 2},
-    "09": {"benches": 2, "repeats": 2, "robots_each": 2, "couplings": [0.03]},
-    "12": {"benches": 1, "levels": [6], "realisations": [1]},
-    "14": {"noises": 2, "bits": [19], "frictions": [0.05]},
-}
 # Answers are worked out in the notebook after its solution, which is `right`: honest roundings, and near misses and
 # slips in sign, factor and unit, which are wrong where they are not listed as right.
 RIGHT = ["right", "to * np.round(right / to)", "to * np.trunc(right / to)"]
@@ -194,7 +183,7 @@ def assert_checks_tell(answer_exercises, notebook):
         | dict.fromkeys(RIGHT + right, "right")
         for exercise, (right, wrong) in ANSWERS[notebook].items()
     }
-    assert answer_exercises(notebook, expected.get, **FASTER.get(notebook, {})) == expected
+    assert answer_exercises(notebook, expected.get) == expected
 
 
 @pytest.mark.slow
@@ -240,6 +229,6 @@ def test_a_check_follows_what_its_notebook_computes(answer_exercises, name, code
     def answers(exercise):
         return {"right": "right", of_committed.get(exercise, "1e3 * right"): "not yet"}
 
-    said = answer_exercises(name, answers, tuple(code.split(" → ")), **FASTER.get(name, {}))
+    said = answer_exercises(name, answers, tuple(code.split(" → ")))
     assert said == {exercise: answers(exercise) for exercise in said}
     assert said.keys() >= of_committed.keys()

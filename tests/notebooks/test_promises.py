@@ -8,29 +8,18 @@ from workbook.sources import notebook_sources
 
 pytestmark = pytest.mark.slow
 NOTEBOOKS = [name for name in notebook_sources() if not name.startswith("15")]
-# With fewer runs what is foretold is the same.
-FASTER = {
-    "00": {"runs": 15},
-    "03": {"alphas": [1e5]},
-    "05": {"seeds": 2},
-    "08": {"public": [1], "runs_each": 10},
-    "09": {"benches": 5, "repeats": 2, "robots_each": 8, "couplings": [0.03]},
-    "12": {"benches": 1, "realisations": [1], "levels": [3, 7, 11]},
-    "14": {"bits": [19]},
-}
 
 
 def assert_kept(run, name):
     """Each of three changes does what its notebook says, and the unchanged notebook does not."""
-    faster = FASTER.get(name[:2], {})
-    unchanged = run(name, faster)
+    unchanged = run(name)
     was = SimpleNamespace(**unchanged.names)
     assert len(unchanged.promises) == 3
     idle = [each.code for each in unchanged.promises if each.holds(was, was)]
     assert idle == [], "foretold, and so without the change"
     broken = []
     for change in unchanged.promises:
-        now = SimpleNamespace(**run(name, faster, change.code).names)
+        now = SimpleNamespace(**run(name, code=change.code).names)
         if not change.holds(now, was):
             broken.append(change.code)
     assert broken == []
