@@ -217,11 +217,3 @@ def test_a_changed_ratio_keeps_the_other_ratios_and_a_changed_field_all_other_fi
     expected["J_l/(N^2 J_m)"] /= 2
     assert ratios(doubled) == pytest.approx(expected)
     assert change(JOINT, {"J_m": 2.0}) == JOINT._replace(J_m=2 * JOINT.J_m)
-
-
-def test_only_ratios_show_in_the_motor_speed():
-    names = ("J_m", "J_l", "G", "K_s", "K_p", "K_i", "K_d", "K_w")
-    heavy = JOINT._replace(**{name: 10 * getattr(JOINT, name) for name in names})
-    np.testing.assert_allclose(
-        simulate(heavy, DELTA, 0.8).v, simulate(JOINT, DELTA, 0.8).v, atol=1e-7
-    )
