@@ -173,36 +173,19 @@ def test_every_claim_that_can_be_measured_has_words_and_each_of_its_numbers_is_s
 # ---------------------------------------------------------------------------------------------- what is measured
 
 
-def test_the_numbers_of_our_tables_are_those_that_another_way_of_counting_gives():
+def test_the_shares_of_our_tables_are_those_that_another_way_of_counting_gives():
     whole = KEPT[~KEPT["protocol"].str.contains("start") & (KEPT["row"] <= 10)]
-    printed = published.cells("Table 2").pivot(index="row", columns="column", values="value")
-    true = whole["row"].astype(str).map(printed["theoretical"])
+    true = published.column("Table 2", "theoretical")[whole["row"] - 1]
     off = (whole["mean_A_rps"] - true).abs() / true
-    of_table = [whole["protocol"], whole["realisation"]]
-    above = (off > 0.1).groupby(of_table).any()
+    above = (off > 0.1).groupby([whole["protocol"], whole["realisation"]]).any()
     measured = claims.measure_table2(KEPT)
-    errors = measured["error_below_10_method"]
+    errors, quality = measured["error_below_10_method"], measured["quality_decreases"]
     assert (errors["share"], errors["tables"]) == pytest.approx((above.mean(), 320))
-    by_setting = above.groupby(level=0).mean()
-    assert (errors["smallest"], errors["largest"]) == (by_setting.min(), by_setting.max())
-    assert errors["public"] == (off > 0.1)[whole["row"] > 1].groupby(of_table).any().mean()
-    shares = (off > 0.1).groupby(whole["row"]).mean().sort_values()
-    assert [errors["second"], errors["first"]] == shares.index[-2:].tolist()
-    assert [errors["of_second"], errors["of_first"]] == shares.tolist()[-2:]
-    quality = measured["quality_decreases"]
     cubic = [1e-6 * published.value(f"equation10.A{k}") for k in (3, 2, 1, 0)]
-    level = 1e-4 * (2 * whole["row"] + 1)
-    rad = (np.polyval(cubic, 60 * whole["mean_A_rps"]) - level).abs()
-    by_row = np.sqrt((rad**2).groupby(whole["row"]).mean())
-    assert (quality["first_rad"], quality["last_rad"]) == pytest.approx((by_row[1], by_row[10]))
-    last = rad[whole["row"] == 10].to_numpy() > rad[whole["row"] == 1].to_numpy()
-    assert quality["share"] == pytest.approx(last.mean())
-    percent = off[whole["row"] == 10].to_numpy() > off[whole["row"] == 1].to_numpy()
-    assert quality["in_percent"] == pytest.approx(percent.mean())
-    for name, errors_of in (("rad", rad), ("percent", off)):
-        ranked = np.sqrt((errors_of**2).groupby(whole["row"]).mean())
-        tau = stats.kendalltau(ranked.index, ranked).statistic
-        assert quality[f"correlation_{name}"] == pytest.approx(tau)
+    rad = np.abs(np.polyval(cubic, 60 * whole["mean_A_rps"]) - 1e-4 * (2 * whole["row"] + 1))
+    for name, errors_of in (("share", rad), ("in_percent", off)):
+        first, last = (errors_of[whole["row"] == row].to_numpy() for row in (1, 10))
+        assert quality[name] == pytest.approx((last > first).mean())
 
 
 def ring(delta, sign=-1.0, growth=1.0):
