@@ -8,18 +8,6 @@ import pytest
 from replication import characteristic, published
 
 
-def points():
-    delta = characteristic.printed_levels_rad()
-    return published.column("Table 2", "theoretical")[: delta.size], delta
-
-
-def cubic(amplitude_rps, delta_rad):
-    """Coefficients [rad/rpm^k] of the least-squares cubic, the constant first, and its RMSE [rad]."""
-    rpm = characteristic.RPM_PER_RPS * amplitude_rps
-    falling = np.polyfit(rpm, delta_rad, 3)
-    return falling[::-1], np.sqrt(np.mean((np.polyval(falling, rpm) - delta_rad) ** 2))
-
-
 def test_every_cell_has_a_tolerance_and_a_reason_for_it():
     cells = published.cells()
     assert cells.index.is_unique
@@ -82,9 +70,8 @@ def test_the_numbers_of_the_tables_and_of_equation_10_are_those_of_the_paper(pap
 
 
 def test_equation_10_takes_rpm_not_rps():
-    amplitude, delta = points()
-    in_rpm = characteristic.equation_10(amplitude)
-    in_rps = characteristic.equation_10(amplitude / characteristic.RPM_PER_RPS)
+    delta, amplitude, *_ = characteristic.printed_rows().to_numpy().T
+    in_rpm, in_rps = (characteristic.equation_10(amplitude / unit) for unit in (1, 60))
     assert np.abs(in_rpm - delta).max() == pytest.approx(1.8e-5, abs=0.05e-5)
     assert "1.8e-5 rad" in published.table("errata")["effect"]["E2"]
     assert in_rps.max() < 5e-5
@@ -92,15 +79,17 @@ def test_equation_10_takes_rpm_not_rps():
 
 
 def test_a_cubic_through_the_printed_points_has_the_printed_coefficients():
-    coefficients, _ = cubic(*points())
-    for power in range(4):
+    delta, amplitude, *_ = characteristic.printed_rows().to_numpy().T
+    falling = 1e6 * np.polyfit(60 * amplitude, delta, 3)
+    for power, coefficient in enumerate(falling[::-1]):
         cell = f"equation10.A{power}"
-        assert abs(1e6 * coefficients[power] - published.value(cell)) <= published.tolerance(cell)
+        assert coefficient == pytest.approx(published.value(cell), abs=published.tolerance(cell))
 
 
 def test_the_printed_rmse_of_equation_10_is_no_rmse_in_rad():
-    amplitude, delta = points()
-    _, best_possible = cubic(amplitude, delta)
+    delta, amplitude, *_ = characteristic.printed_rows().to_numpy().T
+    *_, (squares,), _, _, _ = np.polyfit(60 * amplitude, delta, 3, full=True)
+    best_possible = np.sqrt(squares / 10)
     assert best_possible > 1000 * published.value("equation10.rmse")
     of_freedom = best_possible * np.sqrt(10 / (10 - 4))  # ten points; a cubic has four coefficients
     off = characteristic.equation_10(amplitude) - delta
