@@ -29,12 +29,6 @@ def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Rec
     return Recording(run.t, run.v + noise, 100.0, 0.4, "simulated")
 
 
-def table(recording: Recording) -> pd.DataFrame:
-    frame = pd.DataFrame({"time": recording.t, "speed [rps]": recording.v})
-    frame.index = frame.index + 2
-    return frame
-
-
 def text(header="time [s],speed [rps]", row="{t:.6f},{v:.5f}", record=None) -> str:
     record = record or noisy()
     rows = [
@@ -64,7 +58,7 @@ def refused_for(words: str | None):
 def rewritten(path, change: dict[str, bytes]):
     """A workbook with members changed or added, by name; returns its path."""
     plain = BytesIO()
-    table(noisy()).iloc[:50].to_excel(plain, index=False)
+    frame().iloc[:50].to_excel(plain, index=False)
     with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
         for name, content in ({name: old.read(name) for name in old.namelist()} | change).items():
             new.writestr(name, content)

@@ -9,7 +9,7 @@ import pytest
 
 from backlash.reading.prepare import open_log
 from backlash.refusals import Refusal
-from tests.logs import TURN, file, noisy, rewritten, table, text
+from tests.logs import TURN, file, frame, rewritten, text
 
 PIECES = b",", b"\n", b"-", b'"', b"nan"
 CELLS = ["0", "1.5", "2,5", "1e9", "-", "nan", "time", "v [rpm]", '"', "", "12:00:00.1", "é", "["]
@@ -20,7 +20,7 @@ KINDS = {
     "gz": lambda folder: gzip.compress(text().encode()),
     "utf16": lambda folder: text().encode("utf-16"),
     "xlsx": lambda folder: rewritten(folder / "log.xlsx", {}).read_bytes(),
-    "parquet": lambda folder: table(noisy()).to_parquet(),
+    "parquet": lambda folder: frame().to_parquet(),
     "dates": lambda folder: DATED.replace(".", ",").encode(),
 }
 

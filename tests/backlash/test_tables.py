@@ -16,7 +16,7 @@ from backlash.reading.limits import LIMITS
 from backlash.reading.prepare import open_log
 from backlash.reading.tables import read_table
 from backlash.refusals import Refusal
-from tests.logs import TURN, T, V, file, frame, noisy, refusal, rewritten, table, text
+from tests.logs import TURN, T, V, file, frame, refusal, rewritten, text
 
 RPM = ("Zeit [s];Drehzahl [U/min]", "{t:.4f};{rpm:.2f}")
 PLAIN = text()
@@ -188,10 +188,8 @@ def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, 
 
 def test_the_text_columns_of_parquet_are_left_out_and_counted(tmp_path):
     pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
-    frame = table(noisy())
-    frame["time"] = pd.to_timedelta(frame["time"], unit="s")
-    frame.insert(1, "state", "moving")
-    frame.to_parquet(tmp_path / "log.parquet")
+    columns = {"time": pd.to_timedelta(T, unit="s"), "state": "moving", "speed [rps]": V}
+    pd.DataFrame(columns).to_parquet(tmp_path / "log.parquet")
     log = open_log(tmp_path / "log.parquet", replace(TURN, speed="3"))
     np.testing.assert_allclose(log.recording.v, V)
 
@@ -230,7 +228,7 @@ def test_bytes_and_cells_are_bounded_however_they_are_packed(tmp_path, monkeypat
     assert "more than 1,000 cells" in refusal(file(tmp_path, "1,2\n" * 3000))
     wide = ",".join(["a name"] * 4097) + "\n" + ",".join(["1.25"] * 4097)
     assert "4,097 columns, more than 4,096" in refusal(file(tmp_path, wide))
-    content = table(noisy()).to_parquet()
+    content = frame().to_parquet()
     assert "more than 1,000 cells" in refusal(file(tmp_path, content))
     monkeypatch.setattr(sources, "LIMITS", replace(LIMITS, most_bytes=2**16))
     path = file(tmp_path, gzip.compress(b"1,2\n" * 2**20))
