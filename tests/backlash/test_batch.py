@@ -71,7 +71,6 @@ def test_answers_are_a_table_by_joint_and_date(plant, examine):
 def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
     path = tmp_path / "plant"
     if kind == "parquet":
-        pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
         pd.read_csv(file(tmp_path, CSV), dtype=str).to_parquet(path)
     else:
         text = CSV.replace(",", ";") if kind == "semicolons" else CSV

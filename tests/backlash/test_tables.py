@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from pyarrow.parquet import read_metadata
 
 from backlash import log_list
 from backlash.log_list import read_rows
@@ -187,7 +188,6 @@ def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, 
 
 
 def test_the_text_columns_of_parquet_are_left_out_and_counted(tmp_path):
-    pytest.importorskip("pyarrow", reason="reading Parquet needs the extra 'parquet'")
     columns = {"time": pd.to_timedelta(T, unit="s"), "state": "moving", "speed [rps]": V}
     pd.DataFrame(columns).to_parquet(tmp_path / "log.parquet")
     log = open_log(tmp_path / "log.parquet", replace(TURN, speed="3"))
@@ -249,8 +249,7 @@ def lying_parquet() -> bytes:
 
 
 def test_rows_of_parquet_are_counted_whatever_its_footer_says(lying_parquet, tmp_path, monkeypatch):
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra 'parquet'")
-    assert parquet.read_metadata(BytesIO(lying_parquet)).num_rows == 106
+    assert read_metadata(BytesIO(lying_parquet)).num_rows == 106
     seen = []
     monkeypatch.setattr(packed, "check_size", lambda rows, columns: seen.append(rows))
     read_table(lying_parquet)
@@ -260,7 +259,6 @@ def test_rows_of_parquet_are_counted_whatever_its_footer_says(lying_parquet, tmp
 
 
 def test_texts_of_a_table_of_logs_are_bounded_by_what_they_unpack_to(tmp_path, monkeypatch):
-    pytest.importorskip("pyarrow", reason="needs the extra 'parquet'")
     table = pd.DataFrame({"file": ["x" * 1000] * 1000})
     table.to_parquet(tmp_path / "plant.parquet")
     assert len(read_rows(tmp_path / "plant.parquet")) == 1000
