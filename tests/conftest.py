@@ -1,7 +1,6 @@
 import os
 
 import pytest
-from hypothesis import settings
 
 # Fixtures of what is not in the project: the variable that names its folder, and why a test is skipped.
 OUTSIDE = {
@@ -15,10 +14,6 @@ os.environ["BACKLASH_DATA"] = os.environ.get("BACKLASH_DATA") or NOWHERE
 
 # Nor does a test read the user's configuration of Jupyter.
 os.environ["JUPYTER_NO_CONFIG"] = "1"
-
-# No test hangs on a clock: other machines are slower.
-settings.register_profile("no clock", deadline=None)
-settings.load_profile("no clock")
 
 # Tests run side by side: none starts processes of its own.
 os.environ.setdefault("LOKY_MAX_CPU_COUNT", "1")
