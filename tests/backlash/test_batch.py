@@ -38,26 +38,6 @@ def plant(tmp_path) -> Path:
     return file(tmp_path, "file,joint,date\n" + "".join(rows), "plant.csv")
 
 
-@pytest.fixture
-def examine(monkeypatch) -> Mock:
-    """Answers by a log's name, in place of those by its content."""
-
-    def answer(log, settings):
-        delta = 1e-4 * int(log.stem[1:])
-        return Estimate(
-            str(log),
-            "backlash",
-            backlash_rad=delta,
-            backlash_interval_rad=(delta - 1e-5, delta + 1e-5),
-            joint={"loss": (0.1, 0.02)},
-            notes=("one", "two"),
-        )
-
-    mock = Mock(side_effect=answer)
-    monkeypatch.setattr(estimates, "examine", mock)
-    return mock
-
-
 def test_answers_are_a_table_by_joint_and_date(plant, examine):
     answers = backlash.estimate_many(plant, **HOW, jobs=1)
     assert answers.index.names == ["joint", "date"]

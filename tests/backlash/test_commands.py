@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from backlash import estimates
-from backlash.answer import Estimate
 from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
@@ -18,16 +17,7 @@ MASSES = (
 
 @pytest.fixture
 def log(tmp_path):
-    return write(noisy(), tmp_path / "log_2024-03-17.csv")
-
-
-@pytest.fixture
-def examine(monkeypatch) -> Mock:
-    """An answer in place of one by the log's content."""
-    loss = {"loss": (0.1, 0.02)}
-    mock = Mock(return_value=Estimate("log", "backlash", backlash_rad=1e-3, joint=loss))
-    monkeypatch.setattr(estimates, "examine", mock)
-    return mock
+    return write(noisy(), tmp_path / "A10.csv")
 
 
 def test_what_is_given_of_the_load_reaches_the_fit_and_its_answer_is_json(log, examine, capsys):
