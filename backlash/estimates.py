@@ -14,6 +14,7 @@ from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
 from backlash.refusals import Reason, Refusal, check_positive, option_of
 from backlash.torque import fit_torque
+from backlash.torque.answer import refuse_averaged
 from replication.files import DISK_IS_FULL
 
 _OPTIONS = tuple(field.name for field in fields(LogOptions))
@@ -156,6 +157,7 @@ def _with_own_period(log: Log) -> Log:
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
     assert log.torque is not None  # without one no load is asked for
+    refuse_averaged(log.recording, log.signals[-1])  # of a position the torque as it was logged
     fit = fit_torque(log.recording, log.torque, load)
     if fit.is_none and log.columns.is_load_side:
         raise Refusal(

@@ -14,9 +14,9 @@ Mask = NDArray[np.bool_]
 
 
 def _finest(signal: FloatArray) -> float:
-    """The smallest step between two values, of a coarse signal its resolution."""
-    gaps = np.diff(np.unique(signal))
-    return float(gaps[gaps > 1e-9 * np.ptp(signal)].min(initial=np.ptp(signal)))
+    """The smallest step that comes often, of a coarse signal its resolution; single values may be filled in between."""
+    steps = np.abs(np.diff(signal))
+    return float(np.quantile(steps[steps > 1e-9 * np.ptp(signal)], LIMITS.rare))
 
 
 def refuse_zeros_between(samples: Samples) -> Samples:
@@ -61,12 +61,10 @@ def mark_frozen(samples: Samples) -> Samples:
     for name, signal in samples.named_signals():
         starts, lengths, values = runs_of(signal)
         jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
-        usual = lengths[lengths < LIMITS.longest_hold]
-        share = 1 - usual.size / max(usual.sum(), 1)
-        # As long as that no run of `share` repetitions is by chance.
-        least = LIMITS.least_frozen
-        if 0 < share < 1:
-            least = max(least, 3 - 3 * np.log(signal.size) / np.log(share))
+        # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
+        by_length = np.sort(lengths)
+        beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
+        apart = lengths[(lengths >= LIMITS.least_frozen) & (beneath < LIMITS.least_beneath)]
         # A coarse signal that turns slowly goes on by one step.
         leap = np.maximum(jumps[:-1], jumps[1:])
         is_leap = leap >= LIMITS.least_leap * _finest(signal)
@@ -75,7 +73,7 @@ def mark_frozen(samples: Samples) -> Samples:
         is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
         if name == "speed":  # a motor at rest has one
             is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
-        is_frozen = is_leap & (lengths >= least)
+        is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
         for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
             what = (
                 f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
@@ -131,12 +129,15 @@ def _is_knot(signal: FloatArray) -> Mask:
     bend = np.abs(np.diff(signal, 2))
     finest = _finest(signal)
     is_knot = np.ones(signal.size, dtype=bool)
-    steps = np.abs(np.diff(signal))
-    is_line = (bend <= 2.5 * finest) & (np.minimum(steps[1:], steps[:-1]) > 2.5 * finest)
-    if is_line.mean() < LIMITS.least_lines or is_line.all():
+    is_bent = bend > 2.5 * finest
+    is_coarse = np.median(np.abs(np.diff(signal))) < 2.5 * finest
+    if is_coarse or is_bent.all() or is_bent.mean() > 1 - LIMITS.least_lines:
         return is_knot
-    if np.median(bend[~is_line]) > 4 * LIMITS.least_leap * finest:
-        is_knot[1:-1] = ~is_line
+    # Between knots there are lines; a motor that gains speed, or rings, bends the signal at each sample.
+    in_three = is_bent[2:] & is_bent[1:-1] & is_bent[:-2]
+    is_alone = in_three.mean() < LIMITS.most_in_three * is_bent.mean()
+    if is_alone and np.median(bend[is_bent]) > 4 * LIMITS.least_leap * finest:
+        is_knot[1:-1] = is_bent
     return is_knot
 
 

@@ -101,7 +101,6 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     settled, settled_torque = end_by_gravity(recording, torque)
     turn = measure_turn(settled, settled_torque)
     _check_movement(settled, settled_torque, turn, load)
-    refuse_averaged(settled, settled_torque)
     problem = state_problem(turn, load)
     best, *others = _put_joint_first(
         problem, search(problem, state_problem(turn, load, is_rough=True))
