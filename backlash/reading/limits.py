@@ -25,6 +25,8 @@ class Limits:
     few_gaps: float = 0.02  # of the steps; more are bursts or lost samples
     most_invented: float = 0.1  # of the samples; above, the stamps are not those of the samples
 
+    least_names: int = 100  # of signals; a table that names fewer, row after row, has a row for each value
+
     # Samples in a period of the ring.
     least_rate: float = 4  # with half as many, two of 17 simulated joints were wrong
     good_rate: float = 12  # with fewer, the samples may miss more than 3 % of a peak

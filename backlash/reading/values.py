@@ -13,7 +13,7 @@ from replication.signature import FloatArray
 Mask = NDArray[np.bool_]
 
 
-def _finest(signal: FloatArray) -> float:
+def finest_step(signal: FloatArray) -> float:
     """The smallest step that comes often, of a coarse signal its resolution; single values may be filled in between."""
     steps = np.abs(np.diff(signal))
     return float(np.quantile(steps[steps > 1e-9 * np.ptp(signal)], LIMITS.rare))
@@ -67,7 +67,7 @@ def mark_frozen(samples: Samples) -> Samples:
         apart = lengths[(lengths >= LIMITS.least_frozen) & (beneath < LIMITS.least_beneath)]
         # A coarse signal that turns slowly goes on by one step.
         leap = np.maximum(jumps[:-1], jumps[1:])
-        is_leap = leap >= LIMITS.least_leap * _finest(signal)
+        is_leap = leap >= LIMITS.least_leap * finest_step(signal)
         # At a limit a signal is clipped, unless it gets there at once.
         at_end = (values == values.max()) | (values == values.min())
         is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
@@ -114,7 +114,7 @@ def _is_not_held(signal: FloatArray) -> Mask:
     is_new = np.ones(signal.size, dtype=bool)
     if usual.size < LIMITS.least_samples or values.size < 2:
         return is_new
-    is_coarse = np.median(np.abs(np.diff(values))) < LIMITS.least_leap * _finest(signal)
+    is_coarse = np.median(np.abs(np.diff(values))) < LIMITS.least_leap * finest_step(signal)
     # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
     commonest = np.bincount(usual).argmax()
     is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
@@ -127,7 +127,7 @@ def _is_not_held(signal: FloatArray) -> Mask:
 def _is_knot(signal: FloatArray) -> Mask:
     """Samples that do not lie on the line through their neighbours, if many do."""
     bend = np.abs(np.diff(signal, 2))
-    finest = _finest(signal)
+    finest = finest_step(signal)
     is_knot = np.ones(signal.size, dtype=bool)
     is_bent = bend > 2.5 * finest
     is_coarse = np.median(np.abs(np.diff(signal))) < 2.5 * finest

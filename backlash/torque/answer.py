@@ -285,7 +285,7 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
         filtered = ""
     if is_bad or abs(distances[largest]) > LIMITS.most_prior_residual:
         raise Refusal(
-            f"no joint fits speed and torque (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest]} "
+            f"speed and torque disagree (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest].removeprefix('ln_')} "
             f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
             f"SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by "
             f"{low_pass:.1f} ms); {filtered}are "
