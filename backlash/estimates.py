@@ -1,5 +1,6 @@
 """From a log to its answer: the backlash, none, or why that cannot be told."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -21,6 +22,7 @@ from replication.files import DISK_IS_FULL
 
 _OPTIONS = tuple(field.name for field in fields(LogOptions))
 _COARSE = 1 / 128  # of a torque's range; with finer steps rounding is below the noise
+_QUOTED = re.compile(r"""(?<![\w.])(['"]).*?\1(?!\w)""")
 _RATIOS = ("inertia_ratio", "gravity_per_s2")
 _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 _LOAD = (*_RATIOS, "inertia_sd", "gravity_sd", "motor_inertia_kgm2", *_MASSES)
@@ -35,6 +37,7 @@ class Request:
     options: LogOptions
     load: LoadData | None = None  # by which the torque tells the backlash
     arm_m: float | None = None  # at which the play is wanted in mm, too
+    is_quoted: bool = True  # whether a refusal may quote the file, which not only the user may have named
 
 
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
@@ -124,7 +127,10 @@ def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
         if isinstance(error, OSError) and error.errno in DISK_IS_FULL:  # for compiled code, too
             raise
         kind = "" if isinstance(error, Refusal) else f"{name_of(log)}: {type(error).__name__}: "
-        return refused(log, f"{kind}{error}")
+        why = f"{kind}{error}"
+        if isinstance(request, Request) and not request.is_quoted:
+            why = _QUOTED.sub(lambda quoted: quoted[0] if quoted[0] in repr(request) else "'...'", why)
+        return refused(log, why)
 
 
 def refused(log: object, why: str) -> Estimate:
