@@ -221,6 +221,7 @@ STEPS = (
     values.refuse_zeros_between,
     values.mark_strays,
     values.mark_frozen,
+    values.mark_clipped,
     values.keep_new_values,
     clock.place_on_grid,
     differentiate_position,
@@ -229,5 +230,4 @@ STEPS = (
     movement.keep_constant_speed,
     movement.turn_forward,
     values.refuse_suspects,
-    values.refuse_clipping,
 )

@@ -14,9 +14,13 @@ Mask = NDArray[np.bool_]
 
 
 def finest_step(signal: FloatArray) -> float:
-    """The smallest step that comes often, of a coarse signal its resolution; single values may be filled in between."""
+    """The smallest step that comes often, of a coarse signal its resolution; 0 where nothing changes.
+
+    Single values may be filled in between two of it.
+    """
     steps = np.abs(np.diff(signal))
-    return float(np.quantile(steps[steps > 1e-9 * np.ptp(signal)], LIMITS.rare))
+    steps = steps[steps > 1e-9 * np.ptp(signal)]
+    return float(np.quantile(steps, LIMITS.rare)) if steps.size else 0.0
 
 
 def refuse_zeros_between(samples: Samples) -> Samples:
@@ -80,6 +84,27 @@ def mark_frozen(samples: Samples) -> Samples:
                 "stand-in for missing values; cut the log there"
             )
             samples = samples.suspecting(name, slice(start, start + length), what)
+    return samples
+
+
+def mark_clipped(samples: Samples) -> Samples:
+    """Suspect a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
+    for name, signal in samples.named_signals():
+        levels, counts = np.unique(signal, return_counts=True)
+        if levels.size < LIMITS.least_values or name == "position":
+            continue
+        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
+            at = signal == levels[end]
+            if name == "speed":  # a motor at rest has one
+                at &= np.abs(signal) > 0.05 * np.abs(levels).max()
+            held = at[2:] & at[1:-1] & at[:-2]
+            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
+            if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
+                what = (
+                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {{count}} samples; log "
+                    "it with a wider range, or move slower"
+                )
+                samples = samples.suspecting(name, np.flatnonzero(at), what)
     return samples
 
 
@@ -154,26 +179,6 @@ def refuse_speed_spikes(samples: Samples) -> Samples:
             f"{strays.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
             f"{t[k]:.6g} s after the first; {cure}"
         )
-    return samples
-
-
-def refuse_clipping(samples: Samples) -> Samples:
-    """Refuse a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
-    for name, signal in samples.named_signals():
-        levels, counts = np.unique(signal, return_counts=True)
-        if levels.size < LIMITS.least_values:
-            continue
-        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
-            limit = levels[end]
-            at = signal == limit
-            held = np.flatnonzero(at[2:] & at[1:-1] & at[:-2])
-            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
-            if is_piled and held.size > LIMITS.most_clipped * signal.size:
-                raise Refusal(
-                    f"the {name} is clipped at {limit:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples, "
-                    f"first {samples.t[held[0]]:.6g} s after the first sample; log it with a wider range, or move "
-                    "slower"
-                )
     return samples
 
 

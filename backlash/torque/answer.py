@@ -75,7 +75,7 @@ class AnswerLimits:
 LIMITS = AnswerLimits()
 # Running means of a torque that are looked for; shorter ones a low-pass follows.
 _LEAST_MEAN_S, _LONGEST_MEAN_S = 0.009, 0.080
-_LEAST_CORRELATION = 0.3  # of differences a mean's width apart; a half in a log of noise alone
+_LEAST_CORRELATION = 0.35  # of differences a mean's width apart; a half in a log of noise alone
 _ADVICE = "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
 
 
@@ -246,7 +246,10 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
     """
     rows = settled_turns(recording, torque)
     sample_s = recording.turn_period_s / rows.shape[1]
-    noise = np.diff((rows - rows.mean(axis=0)).ravel())
+    noise = np.diff(np.diff(rows, axis=0).ravel())
+    # Impacts, which no two turns have at the same sample, count as noise does.
+    most = 2 * np.median(np.abs(noise))
+    noise = np.clip(noise, -most, most)
     size = next_fast_len(2 * noise.size, real=True)
     power = np.abs(np.fft.rfft(noise, size)) ** 2
     correlation = np.fft.irfft(power)[: round(_LONGEST_MEAN_S / sample_s)] / max(
