@@ -102,11 +102,12 @@ class Estimate:
         low, high = (1e3 * end for end in self.backlash_interval_rad)
         if self.verdict == NONE:
             return f"no backlash (less than {high:.3f} mrad, half of the play)"
-        text = f"backlash {1e3 * self.backlash_rad:.3f} mrad"
-        also = f"{60 * np.degrees(self.backlash_rad):.2f} arcmin"
-        if self.arm_m:
-            also += f", {1e3 * self.backlash_rad * self.arm_m:.3f} mm at {self.arm_m:g} m"
-        return f"{text} (half of the play; 95 %: {low:.3f} to {high:.3f}; {also})"
+        whole = 2 * self.backlash_rad
+        at_arm = f", {1e3 * whole * self.arm_m:.3g} mm at {self.arm_m:g} m" if self.arm_m else ""
+        return (
+            f"backlash {1e3 * self.backlash_rad:.3f} mrad, half of the play (95 %: {low:.3f} to {high:.3f}); "
+            f"the whole play {1e3 * whole:.3g} mrad, {60 * np.degrees(whole):.3g} arcmin{at_arm}"
+        )
 
 
 def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:

@@ -1,9 +1,11 @@
 """From a log to its answer: the backlash, none, or why that cannot be told."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from backlash import turns
@@ -12,11 +14,15 @@ from backlash.load_data import LoadData, load_from_masses
 from backlash.reading.columns import LogOptions
 from backlash.reading.prepare import Log, open_log
 from backlash.reading.sources import name_of
+from backlash.reading.values import finest_step
 from backlash.refusals import Reason, Refusal, check_positive, option_of
 from backlash.torque import fit_torque
+from backlash.torque.answer import refuse_averaged
 from replication.files import DISK_IS_FULL
 
 _OPTIONS = tuple(field.name for field in fields(LogOptions))
+_COARSE = 1 / 128  # of a torque's range; with finer steps rounding is below the noise
+_QUOTED = re.compile(r"""(?<![\w.])(['"]).*?\1(?!\w)""")
 _RATIOS = ("inertia_ratio", "gravity_per_s2")
 _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 _LOAD = (*_RATIOS, "inertia_sd", "gravity_sd", "motor_inertia_kgm2", *_MASSES)
@@ -31,6 +37,7 @@ class Request:
     options: LogOptions
     load: LoadData | None = None  # by which the torque tells the backlash
     arm_m: float | None = None  # at which the play is wanted in mm, too
+    is_quoted: bool = True  # whether a refusal may quote the file, which not only the user may have named
 
 
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
@@ -120,7 +127,10 @@ def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
         if isinstance(error, OSError) and error.errno in DISK_IS_FULL:  # for compiled code, too
             raise
         kind = "" if isinstance(error, Refusal) else f"{name_of(log)}: {type(error).__name__}: "
-        return refused(log, f"{kind}{error}")
+        why = f"{kind}{error}"
+        if isinstance(request, Request) and not request.is_quoted:
+            why = _QUOTED.sub(lambda quoted: quoted[0] if quoted[0] in repr(request) else "'...'", why)
+        return refused(log, why)
 
 
 def refused(log: object, why: str) -> Estimate:
@@ -156,7 +166,13 @@ def _with_own_period(log: Log) -> Log:
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
     assert log.torque is not None  # without one no load is asked for
-    fit = fit_torque(log.recording, log.torque, load)
+    refuse_averaged(log.recording, log.signals[-1])  # of a position the torque as it was logged
+    try:
+        fit = fit_torque(log.recording, log.torque, load)
+    except Refusal as refusal:
+        if (step := finest_step(log.torque)) > _COARSE * np.ptp(log.torque):
+            refusal.add(f"the torque comes in steps of {step:.3g}: log it finer")
+        raise
     if fit.is_none and log.columns.is_load_side:
         raise Refusal(
             "signals of the joint's side hardly show a play, and these show none: log the motor's encoder",
@@ -226,6 +242,10 @@ def _load_of(given: Mapping[str, Any]) -> LoadData:
     has_masses = not given.keys().isdisjoint(_MASSES)
     if has_masses:
         needed = ("torque", "gear_ratio", "motor_inertia_kgm2", "load_mass_kg", "load_arm_m")
+    if has_masses and given.get("gear_ratio") == 1:
+        raise Refusal(
+            "--gear-ratio 1, a log of the joint's side: give the load by --inertia-ratio and --gravity, not by masses"
+        )
     if missing := " and ".join(option_of(name) for name in needed if name not in given):
         raise Refusal(
             f"the torque and the load's data, by its ratios or its masses, are needed: give {missing} too"

@@ -1,8 +1,10 @@
 """Lists of logs: in folders, or in tables whose cells are text, each converted for its own row alone."""
 
+import csv
 import io
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
@@ -20,6 +22,7 @@ from backlash.refusals import Refusal
 
 TableOfLogs: TypeAlias = pd.DataFrame | str | PathLike[str]
 KEYS = ["joint", "date"]
+BEYOND = "beyond the header"  # cells of a row
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".gz", ".parquet", ".xlsx")
 _TEXTS = {"time", "speed", "position", "torque", "unit", "time_unit"}
 _TRUTHS = dict.fromkeys(("yes", "true", "y", "1"), True)
@@ -50,13 +53,17 @@ def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any])
     logs = table["file"].tolist()
     if not isinstance(source, pd.DataFrame):  # relative to the table
         logs = [Path(source).parent / _text(cell).replace("\0", "?") for cell in logs]
+    keys = keys_of(table)
+    table = table.assign(is_dated=keys.get("date", table["file"]).notna())
     requests: list[Request | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
-            requests.append(request_for({**given, **options_of(row)}))
+            request = request_for({**given, **options_of(row)})
+            is_quoted = isinstance(source, pd.DataFrame)
+            requests.append(replace(request, is_quoted=is_quoted))
         except Refusal as refusal:
             requests.append(Refusal(f"{name}, {Path(name_of(log)).name}: {refusal}"))
-    return Batch(logs, requests, keys_of(table))
+    return Batch(logs, requests, keys)
 
 
 def _refuse_misspelt(table: pd.DataFrame) -> None:
@@ -107,14 +114,11 @@ def _read_file(name: str) -> pd.DataFrame:
     text, _ = text_of(content)
     first = text.partition("\n")[0]
     check_size(text.count("\n"), len(first))
-    return pd.read_csv(
-        io.StringIO(text),
-        sep=next((mark for mark in ",;\t" if mark in first), ","),
-        dtype=str,
-        keep_default_na=False,
-        na_values=[""],
-        index_col=False,
-    )
+    delimiter = next((mark for mark in ",;\t" if mark in first), ",")
+    header, *rows = csv.reader(io.StringIO(text), delimiter=delimiter)
+    width = len(header)
+    cells = [[*row[:width], *[""] * (width - len(row)), delimiter.join(row[width:])] for row in rows if any(row)]
+    return pd.DataFrame(cells, columns=[*header, BEYOND], dtype=str).replace("", None)
 
 
 def keys_of(table: pd.DataFrame) -> pd.DataFrame:
@@ -137,9 +141,10 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
     options = {
         name: _value(name, cell)
         for name, cell in row.items()
-        if name in (*GIVEN, "date") and not pd.isna(cell)
+        if name in (*GIVEN, BEYOND) and not pd.isna(cell)
     }
-    options.pop("date", None)
+    if not row.get("is_dated", True) and not pd.isna(row["date"]):
+        raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
     return options
 
 
@@ -148,14 +153,13 @@ def _text(cell: Any) -> str:
 
 
 def _value(name: str, cell: Any) -> Any:
-    """A cell as text, date, number, or yes and no, by its column's name."""
+    """A cell as text, number, or yes and no, by its column's name."""
+    if name == BEYOND:
+        raise Refusal(f"{str(cell)[:40]!r} stands beyond the header's columns; is it of a decimal comma?")
     if name in _TEXTS:
         return _text(cell)
     wanted = "no number"
     try:
-        if name == "date":
-            wanted = "no date like 2024-03-17"
-            return pd.Timestamp(cell)
         if name == "trust_period":
             wanted = "neither yes nor no"
             return _TRUTHS[_text(cell).lower()]

@@ -5,7 +5,6 @@ from pathlib import Path
 from textwrap import fill
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
@@ -42,14 +41,15 @@ def estimate_figure(answer: Estimate) -> Figure:
     t = trace.t - trace.t[0]
     middle = t[-1] / 2
     half = min(_SHOWN_TURNS * (answer.turn_period_s or t[-1]), t[-1]) / 2
-    above.plot(t, trace.measured, color="0.55", linewidth=0.9, label="measured")
-    above.plot(t, trace.model, color="C0", linewidth=1.4, label="model")
+    above.plot(t, trace.model, color="C0", linewidth=2.2, label="model")
+    above.plot(t, trace.measured, color="0.2", linewidth=0.6, label="measured")
     title = fill(f"(a) {one_line(answer.summary)}", _TITLE_LETTERS)
     above.set(xlim=(middle - half, middle + half), title=title)
     above.set(xlabel="time [s]", ylabel=trace.signal)
-    reach = np.ptp(trace.measured) / 2
-    below.plot(t, trace.measured - trace.model, color="C1", linewidth=0.7)
-    below.set(xlim=(0, t[-1]), ylim=(-reach, reach), title="(b) on the same scale")
+    residual = trace.measured - trace.model
+    share = residual.std() / trace.measured.std()
+    below.plot(t, residual, color="C1", linewidth=0.7)
+    below.set(xlim=(0, t[-1]), title=f"(b) what is left, {share:.1%} of the measured SD")
     below.set(xlabel="time [s]", ylabel=f"residual {trace.signal[trace.signal.find('[') :]}")
     figure.legend(loc="outside lower center", ncols=2)
     return figure

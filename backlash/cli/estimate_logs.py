@@ -8,16 +8,19 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
+
 from backlash import estimates
-from backlash.answer import Estimate
+from backlash.answer import BACKLASH, CANNOT_TELL, NONE, Estimate
 from backlash.cli.options import Exit
 from backlash.estimates import GIVEN
-from backlash.log_list import Batch, find_logs, read_batch
+from backlash.log_list import KEYS, Batch, find_logs, read_batch
 from backlash.reading.sources import STDIN
 from backlash.refusals import Refusal, library
+from backlash.torque.unknowns import TABLE
 from replication.files import write_bytes, write_csv
 
-_OURS = b"total_play_high_rad"  # in what --out writes
+_QUANTITIES = tuple(each.printed for each in TABLE if each.printed)
 _FIGURES = (".png", ".svg", ".pdf")
 
 
@@ -33,7 +36,7 @@ def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | Non
     elif path.is_dir() or not os.access(path.parent, os.W_OK):
         problem = "cannot be written there; name a file in a folder that you may write to"
     elif endings is not _FIGURES and path.exists() and not _is_ours(path):
-        problem = "that file is not of this command; name another, or remove it"
+        problem = "that file is not what this command writes; name another, or remove it"
     if problem:
         raise Refusal(f"{path}: {problem}")
     if path.suffix.lower() == ".parquet":
@@ -43,14 +46,27 @@ def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | Non
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file is a table that --out wrote, by its start and its end."""
-    content = path.read_bytes()
-    return _OURS in content[: 2**16] + content[-(2**16) :]
+    """Whether a file is a table that --out wrote, to which nothing was added, by its columns and verdicts."""
+    from backlash.batch import as_table
+
+    read = pd.read_parquet if path.suffix.lower() == ".parquet" else pd.read_csv
+    try:
+        table = read(path)
+    except Exception:  # of whatever stands there
+        return False
+    least, most = (
+        {*as_table([Estimate("", joint=joint)], pd.DataFrame(index=[0]))}
+        for joint in (None, dict.fromkeys(_QUANTITIES, (0.0, 0.0)))
+    )
+    is_ours = least <= {*table} <= {*most, *KEYS}
+    return is_ours and bool(table["verdict"].isin((BACKLASH, NONE, CANNOT_TELL)).all())
 
 
 def run(options: argparse.Namespace) -> int:
     """Print or write what logs tell of their backlash; returns the exit status."""
     inputs = (*options.log, options.batch)
+    if options.out:  # what a link stands for
+        options.out = Path(os.path.realpath(options.out))
     _check_output(options.plot, _FIGURES, *inputs)
     _check_output(options.out, (".csv", ".parquet"), *inputs)
     if bool(options.log) == bool(options.batch):

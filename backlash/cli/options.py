@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from backlash import __version__
+from backlash.example import EXAMPLE_OPTIONS
 from backlash.refusals import one_line, option_of, unit_of
 
 _ABOUT = (
@@ -20,8 +21,7 @@ _STATUS = (
 )
 _EXAMPLE = (
     "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
-    "or more: backlash estimate log.csv --unit rpm --torque torque --gear-ratio 100 --motor-inertia 1e-4 "
-    "--load-mass 20 --load-arm 0.4. The answer is one of three: a backlash in mrad at the joint, of which the whole "
+    f"or more. Try it: backlash example; backlash estimate example.csv {EXAMPLE_OPTIONS} . The answer is one of three: a backlash in mrad at the joint, of which the whole "
     "play is twice as much, with its 95 % interval; no backlash, with the value that it is less than; or why it cannot "
     "tell."
 )
@@ -131,7 +131,7 @@ def _add_answers(command: argparse.ArgumentParser) -> None:
         help="write a figure of the one log: .png, .svg or .pdf",
     )
     add("--plots", type=_path, metavar="FOLDER", help="write a figure of each log with a fit: .png")
-    _add_numbers(group, arm_m="give half of the play in mm at this arm, too")
+    _add_numbers(group, arm_m="give the whole play in mm at this arm, too")
     add(
         "--batch",
         type=_path,

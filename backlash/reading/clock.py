@@ -24,7 +24,7 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
         parts = values.astype(str).str.extract(f"^{TIME_OF_DAY.pattern}$")
         if parts["clock"].notna().mean() > 0.5:
             return _times_of_day(parts, column), "time of day"
-    stamps = numeric_column(table, column)
+    stamps = numeric_column(table, column, is_time=True)
     # Stamps that do not say it are those of a clock since 1970, else seconds.
     low, high = LIMITS.since_1970_s
     since_1970 = (unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamps[0] < high)
@@ -70,7 +70,8 @@ def sampling_period(samples: Samples) -> float:
     rate = 1.0 / max(dt, 1e-300)
     if rate > LIMITS.most_hz:
         raise Refusal(f"{rate:.3g} samples a second; give --time-unit of the stamps")
-    missing = np.maximum(np.rint(steps / dt) - 1, 0)
+    # Of stamps in whole milliseconds a step of 2 ms may be read as 3.
+    missing = np.maximum(np.ceil(steps / dt - 1.6), 0)
     if np.mean(missing > 0) > LIMITS.few_gaps:
         _refuse_invented(int(missing.sum()), samples)
     least_hz = LIMITS.least_rate * ring_hz

@@ -16,7 +16,7 @@ from backlash.refusals import Refusal, library
 
 ADVICE = "cut it to the test movement, a minute at most"
 # Parquet columns that may hold a signal; text and nested ones may unpack to anything.
-_NUMERIC = ("int", "uint", "float", "double", "halffloat", "timestamp", "duration", "decimal")
+_NUMERIC = ("int", "uint", "float", "double", "halffloat", "time", "duration", "decimal")
 _SHEET = re.compile(r"(.*/)?(worksheets/[^/]+|sharedStrings)\.xml", re.IGNORECASE)
 _BEFORE_ROW = re.compile(rb"(?=<(?:\w+:)?row\b)")
 
@@ -51,12 +51,16 @@ def _unpacking() -> Iterator[None]:
 
 
 def read_parquet(content: bytes) -> pd.DataFrame:
-    """Read the numbers of a Parquet file; its other columns are empty."""
+    """Read the numbers of a Parquet file; its other columns hold the name of their type."""
     with _unpacking():
         schema = _schema_of(content)
-        numeric = [field.name for field in schema if str(field.type).startswith(_NUMERIC)]
-        table = _read_rows(content, numeric)
-        frame = table.to_pandas(ignore_metadata=True).reindex(columns=schema.names)
+        if len({*schema.names}) < len(schema.names):
+            raise Refusal("several of its columns have one name; rename them")
+        types = {field.name: str(field.type) for field in schema}
+        table = _read_rows(content, [name for name in types if types[name].startswith(_NUMERIC)])
+        frame = table.to_pandas(ignore_metadata=True)
+        others = {name: types[name] for name in types if name not in frame}
+        frame = frame.assign(**others)[schema.names]
     frame.index = frame.index + 1
     return frame
 

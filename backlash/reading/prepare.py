@@ -186,12 +186,13 @@ def between_gaps(samples: Samples) -> Samples:
 
 
 def differentiate_position(samples: Samples) -> Samples:
-    """Speed of a position, and the torque's mean between the same two samples, by its integral."""
+    """Speed of a position, the torque's mean between the same two samples, by its integral, and the torque as logged."""
     if not samples.columns.is_position:
         return samples
     t, (turns, *torque) = samples.t, samples.signals
     integrals = [CubicSpline(t, each).antiderivative()(t) for each in torque]
-    return samples.moved(t[1:], np.diff([turns, *integrals]) / np.diff(t))
+    means = np.diff([turns, *integrals]) / np.diff(t)
+    return samples.moved(t[1:], np.vstack([means, *samples.signals[1:, 1:]]))
 
 
 def average_fast(samples: Samples) -> Samples:
@@ -220,6 +221,7 @@ STEPS = (
     values.refuse_zeros_between,
     values.mark_strays,
     values.mark_frozen,
+    values.mark_clipped,
     values.keep_new_values,
     clock.place_on_grid,
     differentiate_position,
@@ -228,5 +230,4 @@ STEPS = (
     movement.keep_constant_speed,
     movement.turn_forward,
     values.refuse_suspects,
-    values.refuse_clipping,
 )

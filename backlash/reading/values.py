@@ -13,10 +13,14 @@ from replication.signature import FloatArray
 Mask = NDArray[np.bool_]
 
 
-def _finest(signal: FloatArray) -> float:
-    """The smallest step between two values, of a coarse signal its resolution."""
-    gaps = np.diff(np.unique(signal))
-    return float(gaps[gaps > 1e-9 * np.ptp(signal)].min(initial=np.ptp(signal)))
+def finest_step(signal: FloatArray) -> float:
+    """The smallest step that comes often, of a coarse signal its resolution; 0 where nothing changes.
+
+    Single values may be filled in between two of it.
+    """
+    steps = np.abs(np.diff(signal))
+    steps = steps[steps > 1e-9 * np.ptp(signal)]
+    return float(np.quantile(steps, LIMITS.rare)) if steps.size else 0.0
 
 
 def refuse_zeros_between(samples: Samples) -> Samples:
@@ -61,27 +65,46 @@ def mark_frozen(samples: Samples) -> Samples:
     for name, signal in samples.named_signals():
         starts, lengths, values = runs_of(signal)
         jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
-        usual = lengths[lengths < LIMITS.longest_hold]
-        share = 1 - usual.size / max(usual.sum(), 1)
-        # As long as that no run of `share` repetitions is by chance.
-        least = LIMITS.least_frozen
-        if 0 < share < 1:
-            least = max(least, 3 - 3 * np.log(signal.size) / np.log(share))
+        # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
+        by_length = np.sort(lengths)
+        beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
+        apart = lengths[(lengths >= LIMITS.least_frozen) & (beneath < LIMITS.least_beneath)]
         # A coarse signal that turns slowly goes on by one step.
         leap = np.maximum(jumps[:-1], jumps[1:])
-        is_leap = leap >= LIMITS.least_leap * _finest(signal)
+        is_leap = leap >= LIMITS.least_leap * finest_step(signal)
         # At a limit a signal is clipped, unless it gets there at once.
         at_end = (values == values.max()) | (values == values.min())
         is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
         if name == "speed":  # a motor at rest has one
             is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
-        is_frozen = is_leap & (lengths >= least)
+        is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
         for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
             what = (
                 f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
                 "stand-in for missing values; cut the log there"
             )
             samples = samples.suspecting(name, slice(start, start + length), what)
+    return samples
+
+
+def mark_clipped(samples: Samples) -> Samples:
+    """Suspect a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
+    for name, signal in samples.named_signals():
+        levels, counts = np.unique(signal, return_counts=True)
+        if levels.size < LIMITS.least_values or name == "position":
+            continue
+        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
+            at = signal == levels[end]
+            if name == "speed":  # a motor at rest has one
+                at &= np.abs(signal) > 0.05 * np.abs(levels).max()
+            held = at[2:] & at[1:-1] & at[:-2]
+            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
+            if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
+                what = (
+                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {{count}} samples; log "
+                    "it with a wider range, or move slower"
+                )
+                samples = samples.suspecting(name, np.flatnonzero(at), what)
     return samples
 
 
@@ -116,7 +139,7 @@ def _is_not_held(signal: FloatArray) -> Mask:
     is_new = np.ones(signal.size, dtype=bool)
     if usual.size < LIMITS.least_samples or values.size < 2:
         return is_new
-    is_coarse = np.median(np.abs(np.diff(values))) < LIMITS.least_leap * _finest(signal)
+    is_coarse = np.median(np.abs(np.diff(values))) < LIMITS.least_leap * finest_step(signal)
     # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
     commonest = np.bincount(usual).argmax()
     is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
@@ -129,14 +152,17 @@ def _is_not_held(signal: FloatArray) -> Mask:
 def _is_knot(signal: FloatArray) -> Mask:
     """Samples that do not lie on the line through their neighbours, if many do."""
     bend = np.abs(np.diff(signal, 2))
-    finest = _finest(signal)
+    finest = finest_step(signal)
     is_knot = np.ones(signal.size, dtype=bool)
-    steps = np.abs(np.diff(signal))
-    is_line = (bend <= 2.5 * finest) & (np.minimum(steps[1:], steps[:-1]) > 2.5 * finest)
-    if is_line.mean() < LIMITS.least_lines or is_line.all():
+    is_bent = bend > 2.5 * finest
+    is_coarse = np.median(np.abs(np.diff(signal))) < 2.5 * finest
+    if is_coarse or is_bent.all() or is_bent.mean() > 1 - LIMITS.least_lines:
         return is_knot
-    if np.median(bend[~is_line]) > 4 * LIMITS.least_leap * finest:
-        is_knot[1:-1] = ~is_line
+    # Between knots there are lines; a motor that gains speed, or rings, bends the signal at each sample.
+    in_three = is_bent[2:] & is_bent[1:-1] & is_bent[:-2]
+    is_alone = in_three.mean() < LIMITS.most_in_three * is_bent.mean()
+    if is_alone and np.median(bend[is_bent]) > 4 * LIMITS.least_leap * finest:
+        is_knot[1:-1] = is_bent
     return is_knot
 
 
@@ -153,26 +179,6 @@ def refuse_speed_spikes(samples: Samples) -> Samples:
             f"{strays.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
             f"{t[k]:.6g} s after the first; {cure}"
         )
-    return samples
-
-
-def refuse_clipping(samples: Samples) -> Samples:
-    """Refuse a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
-    for name, signal in samples.named_signals():
-        levels, counts = np.unique(signal, return_counts=True)
-        if levels.size < LIMITS.least_values:
-            continue
-        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
-            limit = levels[end]
-            at = signal == limit
-            held = np.flatnonzero(at[2:] & at[1:-1] & at[:-2])
-            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
-            if is_piled and held.size > LIMITS.most_clipped * signal.size:
-                raise Refusal(
-                    f"the {name} is clipped at {limit:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples, "
-                    f"first {samples.t[held[0]]:.6g} s after the first sample; log it with a wider range, or move "
-                    "slower"
-                )
     return samples
 
 

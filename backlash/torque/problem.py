@@ -80,12 +80,16 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
     speed = round_below_noise(harmonics(recording, of_load, SETTINGS.driven_hz))
     of_torque = round_below_noise(harmonics(recording, torque, SETTINGS.driven_hz))
     gravity, mean = abs(of_torque.coefficient[0]), settled_turns(recording, torque).mean()
-    if gravity < LEAST_GRAVITY * of_torque.sd[0] or mean < 0:
-        significance = gravity / of_torque.sd[0]
+    if gravity < LEAST_GRAVITY * of_torque.sd[0]:
         raise Refusal(
-            f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {significance:.1f} SDs "
-            f"({LEAST_GRAVITY:g} are needed), its mean is {mean:.3g}; is it this motor's, "
-            "positive where it drives forward, and the axis horizontal?",
+            f"once a turn the torque has {2 * gravity:.3g} in the log's unit, {gravity / of_torque.sd[0]:.1f} SDs "
+            f"({LEAST_GRAVITY:g} are needed); is it this motor's, and the axis horizontal?",
+            Reason.NO_GRAVITY,
+        )
+    if mean < 0:
+        raise Refusal(
+            f"the mean torque is {mean:.3g} along the motion, where friction asks for a positive one: the column of "
+            "the torque, or that of the speed, may be reversed; change its sign",
             Reason.NO_GRAVITY,
         )
     # A log of the joint's side has no orders of the motor's.
