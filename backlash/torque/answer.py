@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import next_fast_len
+from scipy.special import ndtr
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
@@ -44,16 +45,20 @@ NORMAL_95 = 1.96  # half width over SD of a 95 % interval
 class AnswerLimits:
     """Errors beyond the noise, and what is refused, each with its reason; "joints" are simulated ones."""
 
-    # Errors of the model beyond noise: with this share the stated SD exceeds that of the errors on joints.
-    method_error: float = 0.05
-    # Of the soft part, which bends rather than breaks.
-    soft_error: float = 0.03
+    # Errors of the model beyond noise, by which the stated SD is that of the errors on joints: a share of the gap, and
+    # one of the soft part, which bends rather than breaks, or stands for what else the model lacks.
+    method_error: float = 0.035
+    soft_error: float = 0.1
     # Joints without soft teeth are fitted with a soft part of about this size.
     least_soft_sd_mrad: float = 0.1
     least_sd_rad: float = 5e-6  # half a count of 19 bits
     most_sd: float = 0.2  # over the backlash: a wider interval is no answer
     most_misfit: float = 3.1  # SDs of chi squared; noise alone exceeds this in one of 1000 logs
-    most_prior_residual: float = 3.5  # right fits of joints stay below
+    # Right fits of joints stay below; a soft part may stand for other errors, and what was given of the load must not
+    # be far from what the log tells, for the gap goes with it.
+    most_prior_residual: float = 3.5
+    most_soft_residual: float = 6.0
+    most_load_residual: float = 2.5
     most_delay_ms: float = 5.0  # a current loop's and a bus's are below
     usual_low_pass_ms: float = (
         3.0  # of a drive's current; a slower torque may be filtered or a mean
@@ -66,13 +71,21 @@ class AnswerLimits:
     # Acceleration of a line over gravity's: joints stay below half of it, unless the drive hums; a gear's error of
     # 0.5 mrad a hundred times a turn reaches about as much, if it is sampled at all.
     most_ripple: float = 0.1
-    # Chi squared that a backlash must lose to another to be excluded, five SDs, and to be as good, as in the search.
-    clear: float = 25.0
-    rival: float = SETTINGS.rival
+    # Chi squared that a backlash must lose to another to be excluded, four SDs, where healthy joints stay below 4.
+    clear: float = 16.0
+    rival: float = 16.0
+    # Over what noise alone has: by so much model errors move chi squared of one minimum against another's.
+    between_minima: float = 2.0
+    # Harmonics of the speed beyond four SDs: without them nothing but what was given of the load tells the gap's scale.
+    least_lines: int = 2
+    line_sds: float = 4.0
     negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
 
 
 LIMITS = AnswerLimits()
+_MOST_RESIDUAL = np.full(len(TABLE), LIMITS.most_prior_residual)
+_MOST_RESIDUAL[SOFT] = LIMITS.most_soft_residual
+_MOST_RESIDUAL[[GRAVITY, RATIO]] = LIMITS.most_load_residual
 # Running means of a torque that are looked for; shorter ones a low-pass follows.
 _LEAST_MEAN_S, _LONGEST_MEAN_S = 0.009, 0.080
 _LEAST_CORRELATION = 0.35  # of differences a mean's width apart; a half in a log of noise alone
@@ -112,6 +125,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     interval, is_none = _pool_intervals(problem, best, covariance, rivals, scale)
     excluded_rad = LIMITS.negligible_rad if is_none else 0.0
     clear = best.chi2 + LIMITS.clear * scale
+    if not is_none:
+        _check_speed(problem)
     if hold_delta(problem, best, 1e3 * excluded_rad, clear).chi2 < clear:
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
@@ -120,7 +135,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         interval_rad=interval,
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
-        joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio),
+        joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio, is_none),
         model_torque=_model_torque(recording, torque, problem, best, settled.t.size),
     )
 
@@ -129,8 +144,8 @@ def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]
     """The ends, first the lowest that a joint can be, if it fits nearly as well as the lowest of all."""
     most = ends[0].chi2 + LIMITS.rival * problem.scale(ends[0].chi2)
     for each in ends:
-        distances = problem.prior_residuals(each.theta)
-        if each.chi2 < most and np.abs(distances).max() < LIMITS.most_prior_residual:
+        distances = np.abs(problem.prior_residuals(each.theta)) / _MOST_RESIDUAL
+        if each.chi2 < most and distances.max() < 1:
             return [each, *(other for other in ends if other is not each)]
     return ends
 
@@ -145,42 +160,52 @@ def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     return np.asarray(np.linalg.inv(slopes.T @ slopes + hessian))
 
 
-def _interval(theta: FloatArray, covariance: FloatArray) -> tuple[float, float]:
-    """The gap's 95 % interval [rad].
+def _deviations(theta: FloatArray, covariance: FloatArray) -> tuple[float, float, float]:
+    """The gap, and its SDs below and above it [rad].
 
     A gap and a soft part take each other's place, and other errors of the model look like a soft part. As no soft part
     is less than none, the gap exceeds the best one by no more than the best soft part makes room for, and by the errors
     of a gap beside a soft part that is known.
     """
-    delta, soft = np.maximum(1e-3 * theta[[DELTA, SOFT]], 0)
+    delta, soft = np.maximum(1e-3 * theta[[DELTA, SOFT]], 0).tolist()
     soft_sd = 1e-3 * np.sqrt(covariance[SOFT, SOFT])
     slope = covariance[DELTA, SOFT] / covariance[SOFT, SOFT]
     beside = 1e-6 * (covariance[DELTA, DELTA] - slope * covariance[DELTA, SOFT])
     errors = LIMITS.method_error * delta, LIMITS.least_sd_rad + LIMITS.soft_error * soft
     sd = np.sqrt(beside + np.square(errors).sum())
-    low = delta - NORMAL_95 * np.hypot(sd, slope * soft_sd)
     most = min(max(soft_sd, 1e-3 * LIMITS.least_soft_sd_mrad), soft)
-    high = delta + NORMAL_95 * np.hypot(sd, slope * most)
-    return max(float(low), 0.0), float(high)
+    return delta, float(np.hypot(sd, slope * soft_sd)), float(np.hypot(sd, slope * most))
+
+
+def _interval_of(minima: list[tuple[float, float, float]], weight: FloatArray) -> FloatArray:
+    """The ends [rad] that hold 95 % of minima as likely as their weights, each a normal law with an SD a side."""
+    delta, below, above = np.array(minima).T
+    grid = np.linspace(0.0, (delta + 4 * above).max(), 4001)
+    distance = grid[:, None] - delta
+    share = ndtr(distance / np.where(distance < 0, below, above)) @ (weight / weight.sum())
+    return np.interp(ndtr([-NORMAL_95, NORMAL_95]), share, grid)
+
+
+def _weigh(best: Candidate, rivals: list[Candidate], scale: float) -> FloatArray:
+    """How likely each minimum is, the best one first, over the best one."""
+    more = np.array([each.chi2 - best.chi2 for each in (best, *rivals)])
+    return np.exp(-0.5 * more / (LIMITS.between_minima * scale))
 
 
 def _pool_intervals(
     problem: Problem, best: Candidate, covariance: FloatArray, rivals: list[Candidate], scale: float
 ) -> tuple[tuple[float, float], bool]:
     """The interval over all minima that fit nearly as well, and whether it is of no backlash; Refusal if too wide."""
-    own = _interval(best.theta, covariance)
+    minima = [_deviations(best.theta, covariance)]
+    minima += [_deviations(each.theta, scale * _covariance(problem, each)) for each in rivals]
+    weight = _weigh(best, rivals, scale)
+    own, (low, high) = (_interval_of(minima[:k], weight[:k]).tolist() for k in (1, len(minima)))
     is_none = own[1] < LIMITS.negligible_rad
+    widest = 2 * NORMAL_95 * LIMITS.most_sd * best.delta_rad
     if is_none:
-        own = 0.0, own[1]
-    # None has none that is not negligible.
-    others = [
-        (0.0, 1e-3 * each.theta[DELTA])
-        if is_none
-        else _interval(each.theta, scale * _covariance(problem, each))
-        for each in rivals
-    ]
-    low, high = min(ends[0] for ends in [own, *others]), max(ends[1] for ends in [own, *others])
-    widest = LIMITS.negligible_rad if is_none else 2 * NORMAL_95 * LIMITS.most_sd * best.delta_rad
+        # None has no rival that is not negligible, however unlikely.
+        own[0], low, widest = 0.0, 0.0, LIMITS.negligible_rad
+        high = max(own[1], *(delta for delta, *_ in minima))
     if own[1] - own[0] > widest:
         unknown = f"the backlash is not known within {LIMITS.most_sd:.0%}"
         raise Refusal(f"{unknown}; {_ADVICE}", Reason.TOO_NOISY)
@@ -270,6 +295,17 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
         )
 
 
+def _check_speed(problem: Problem) -> None:
+    """Refuse a speed whose noise hides what the teeth do."""
+    c = problem.compared
+    lines = int((np.abs(c.acceleration) > LIMITS.line_sds * c.omega * c.speed_sd).sum())
+    if lines < LIMITS.least_lines:
+        raise Refusal(
+            f"the speed's noise leaves {lines} of its harmonics ({LIMITS.least_lines} are needed); {_ADVICE}",
+            Reason.TOO_NOISY,
+        )
+
+
 def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> None:
     """Refuse what no joint of the model is."""
     distances, delay = problem.prior_residuals(best.theta), float(best.theta[DELAY])
@@ -281,12 +317,13 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
             f"the torque comes {abs(delay):.2g} ms too {when}; log it at the same instants as the speed",
             Reason.NO_FIT,
         )
-    largest = int(np.abs(distances).argmax())
+    shares = np.abs(distances) / _MOST_RESIDUAL
+    largest = int(shares.argmax())
     low_pass = float(best.theta[FILTER])
     filtered = "is the torque filtered, or a mean of some samples? "
     if low_pass <= LIMITS.usual_low_pass_ms:
         filtered = ""
-    if is_bad or abs(distances[largest]) > LIMITS.most_prior_residual:
+    if is_bad or shares[largest] > 1:
         raise Refusal(
             f"speed and torque disagree (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest].removeprefix('ln_')} "
             f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
@@ -307,10 +344,12 @@ def _quantities(
     rivals: list[Candidate],
     scale: float,
     gear_ratio: float,
+    is_none: bool,
 ) -> dict[str, tuple[float, float]]:
     """Quantities of the joint with their SDs: by noise, by the minima that fit nearly as well, by the model's errors.
 
-    The stiffness is that up to gravity's torque: a stiffer spring beside a soft part fits as well.
+    The stiffness is that up to gravity's torque: a stiffer spring beside a soft part fits as well. Friction is told by
+    the instants at which teeth part, and they do not where there is no backlash.
     """
     values = np.array([_up_to_gravity(each.theta) for each in (best, *rivals)])
     slope, moves = np.eye(len(TABLE)), 1e-6 * np.eye(len(TABLE))
@@ -319,15 +358,17 @@ def _quantities(
     ]
     slope[STIFFNESS] = [(ahead - back)[STIFFNESS] / 2e-6 for ahead, back in ends]
     errors = np.array([each.error for each in TABLE])
-    # Each minimum weighs as much as it is likely.
-    weight = np.exp(-0.5 * np.array([each.chi2 - best.chi2 for each in (best, *rivals)]) / scale)
+    weight = _weigh(best, rivals, scale)
     spread = weight @ (values - values[0]) ** 2 / weight.sum()
     sd = np.sqrt(np.diag(slope @ covariance @ slope.T) + spread + errors**2)
     theta = values[0] - np.log(gear_ratio) * (np.arange(len(TABLE)) == INERTIA)  # J_m of N J_m
     value = np.where(IS_LOGARITHM, np.exp(theta), theta)
     of_value = np.where(IS_LOGARITHM, value * sd, sd)
     rows = zip(TABLE, value.tolist(), of_value.tolist(), strict=True)
-    return {unknown.printed: (each, own) for unknown, each, own in rows if unknown.printed}
+    joint = {unknown.printed: (each, own) for unknown, each, own in rows if unknown.printed}
+    if is_none:
+        del joint["friction_share"]
+    return joint
 
 
 def _up_to_gravity(theta: FloatArray) -> FloatArray:

@@ -35,17 +35,17 @@ TABLE = (
         *("ln_stiffness", "1/s^2", "K, of the spring, over the load's inertia"),
         *(2 * math.log(TURN * 22.0), 1.0, 0.5),
         printed="stiffness_per_s2",
-        error=0.16,
+        error=0.13,
     ),
     Unknown(
         *("ln_damping", "1", "zeta, the spring's damping ratio", math.log(0.04), 0.5, 1.0),
         printed="damping_ratio",
-        error=0.6,
+        error=0.4,
     ),
     Unknown(
         *("soft_mrad", "mrad", "e, the soft part beyond the gap", 0.0, 0.2, 0.2, 0.015),
         printed="soft_mrad",
-        error=0.085,
+        error=0.13,
     ),
     Unknown("soft_share", "1", "s, stiffness of the soft part over the spring's", 0.55, 0.12, 0.1),
     Unknown("drag", "1", "d, share of the damping that acts in the gap, too", 0.0, 0.3, 0.2, 0.03),
@@ -53,13 +53,13 @@ TABLE = (
     Unknown(
         *("friction", "1", "F, the load's friction over gravity", 0.0, 0.3, 0.2, 0.03),
         printed="friction_share",
-        error=0.006,
+        error=0.004,
     ),
     Unknown("phase_rad", "rad", "gravity's angle where the turn begins", LOAD, math.inf, 0.1),
     Unknown(
         *("ln_gravity", "1/s^2", "g, gravity over the load's inertia", LOAD, LOAD, 0.2),
         printed="gravity_per_s2",
-        error=0.02,
+        error=0.03,
     ),
     Unknown(
         *("lag_ms", "ms", "lag of the speed", 0.7, 0.5, 1.0), printed="speed_lag_ms", error=0.4
@@ -68,12 +68,12 @@ TABLE = (
     Unknown(
         *("ln_inertia_ratio", "1", "rho = J_l / (N^2 J_m)", LOAD, LOAD, 0.2),
         printed="inertia_ratio",
-        error=0.06,
+        error=0.08,
     ),
     Unknown(
         *("ln_inertia", "log's unit", "N J_m", LOAD, math.inf, 0.2),
         printed="motor_inertia",
-        error=0.06,
+        error=0.08,
     ),
     Unknown(
         *("delay_ms", "ms", "delay of the torque's log", 0.0, 4.0, 1.0, 1.5),
@@ -82,12 +82,10 @@ TABLE = (
     Unknown(
         *("loss", "1", "mu, the gear's loss over the contact torque", 0.05, 0.15, 0.1),
         printed="loss",
-        error=0.006,
     ),
     Unknown(
         *("filter_ms", "ms", "low-pass of the torque's log", 0.0, 3.0, 2.0, 0.3),
         printed="torque_filter_ms",
-        error=1.0,
     ),
 )
 

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
@@ -28,6 +29,7 @@ from backlash.torque.unknowns import (
     GRAVITY,
     LOSS,
     NAMES,
+    RATIO,
     SHARE,
     SOFT,
     STIFFNESS,
@@ -61,6 +63,7 @@ def decide(monkeypatch):
             "_check_movement": None,
             "refuse_averaged": None,
             "_check_joint": None,
+            "_check_speed": None,
             "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
         },
         **{"_quantities": {}, "_model_torque": None},
@@ -95,32 +98,35 @@ def test_the_interval_holds_noise_the_methods_error_and_half_a_count(decide, chi
     fit, held = decide(candidate(0.9, chi2))
     assert (fit.delta_rad, fit.is_none, held) == (pytest.approx(9e-4), False, 0)
     assert fit.chi_squared == chi2 / 100
-    sd = np.sqrt(max(chi2 / 100, 1) * 3e-5**2 + (0.05 * 9e-4) ** 2 + 5e-6**2)
+    sd = np.sqrt(max(chi2 / 100, 1) * 3e-5**2 + (0.035 * 9e-4) ** 2 + 5e-6**2)
     expected = (9e-4 - 1.96 * sd, 9e-4 + 1.96 * sd)
     assert fit.interval_rad == pytest.approx(expected, rel=1e-4)
-    for least, reason in ((24.9, Reason.AMBIGUOUS), (25.1, None)):
+    for least, reason in ((15.9, Reason.AMBIGUOUS), (16.1, None)):
         of_held = chi2 + least * max(chi2 / 100, 1)
         decided = decide(candidate(0.9, chi2), of_held=of_held)
         assert reason_of(decided) == reason
 
 
-def test_minima_that_fit_nearly_as_well_widen_the_interval_until_it_is_no_answer(decide):
+def test_minima_count_by_how_well_they_fit_until_they_are_no_answer(decide):
     alone = decide(candidate(0.9))[0].interval_rad
-    assert decide(candidate(0.9), candidate(1.0, 109.1))[0].interval_rad == alone
-    wider = decide(candidate(0.9), candidate(1.0, 108.9))[0].interval_rad
-    assert wider[0] == alone[0]
-    assert wider[1] == decide(candidate(1.0))[0].interval_rad[1] > alone[1]
-    assert decide(candidate(0.9), candidate(1.9, 108.9)) == Reason.AMBIGUOUS
-    assert decide(candidate(0.9), candidate(0.2, 108.9)) == Reason.AMBIGUOUS
+    assert decide(candidate(0.9), candidate(1.0, 116.1))[0].interval_rad == alone
+    low, high = decide(candidate(0.9), candidate(1.0, 106.0))[0].interval_rad
+    # Of two normal laws, one of which has a weight of exp(-6 / 4), 2.5 % lie beyond either end.
+    sd = np.sqrt(3e-5**2 + (0.035 * np.array([9e-4, 1e-3])) ** 2 + 5e-6**2)
+    weight = np.array([1, np.exp(-1.5)]) / (1 + np.exp(-1.5))
+    for end, share in ((low, 0.025), (high, 0.975)):
+        assert weight @ norm.cdf((end - np.array([9e-4, 1e-3])) / sd) == pytest.approx(share, 1e-3)
+    assert decide(candidate(0.9), candidate(1.9, 106.0)) == Reason.AMBIGUOUS
+    assert decide(candidate(0.9), candidate(0.2, 106.0)) == Reason.AMBIGUOUS
 
 
 @pytest.mark.parametrize("chi2", [50.0, 200.0])
 def test_a_joint_is_told_that_fits_nearly_as_well_as_one_that_none_can_be(decide, chi2):
-    rival = 9 * max(chi2 / 100, 1)
+    rival = 16 * max(chi2 / 100, 1)
     for gravity, more, expected_mrad in (
-        (3.4, 1.0, 1.1),
-        (3.6, 0.99 * rival, 0.9),
-        (3.6, 1.01 * rival, 1.1),
+        (2.4, 1.0, 1.1),
+        (2.6, 0.99 * rival, 0.9),
+        (2.6, 1.01 * rival, 1.1),
     ):
         lower = candidate(1.1, chi2, gravity)
         fit, _ = decide(lower, candidate(0.9, chi2 + more))
@@ -132,18 +138,18 @@ def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_wors
     assert (fit.is_none, held) == (True, 0.05)
     assert fit.interval_rad[0] == 0
     # 0.05 mrad is 0.01 and 1.96 SDs.
-    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.0005**2)
+    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.00035**2)
     assert decide(candidate(0.01), sd_mrad=0.995 * sd)[0].is_none
     assert decide(candidate(0.01), sd_mrad=1.005 * sd) == Reason.TOO_NOISY
     none = {"sd_mrad": 0.01}
     assert decide(candidate(0.01), candidate(0.049, 101), **none)[0].is_none
     assert decide(candidate(0.01), candidate(0.051, 101), **none) == Reason.AMBIGUOUS
-    assert decide(candidate(0.01), of_held=124.9, **none) == Reason.AMBIGUOUS
+    assert decide(candidate(0.01), of_held=115.9, **none) == Reason.AMBIGUOUS
 
 
 def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
-    # With a method's error of 5 % and half a count.
-    sd = np.sqrt(0.2**2 - 0.05**2 - 0.005**2)
+    # With a method's error of 3.5 % and half a count.
+    sd = np.sqrt(0.2**2 - 0.035**2 - 0.005**2)
     assert reason_of(decide(candidate(1.0), sd_mrad=0.999 * sd)) is None
     assert decide(candidate(1.0), sd_mrad=1.001 * sd) == Reason.TOO_NOISY
 
@@ -160,11 +166,24 @@ def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_l
     soft = max(1e-3 * soft_mrad, 0)
     both = -0.5 * sd_mrad**2
     covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, both], [both, sd_mrad**2]]
-    low, high = rules._interval(theta, covariance)
-    own = 1e-6 * (0.02 + 0.5 * both) + 5e-5**2 + (5e-6 + 0.03 * soft) ** 2
+    delta, *sds = rules._deviations(theta, covariance)
+    own = 1e-6 * (0.02 + 0.5 * both) + 3.5e-5**2 + (5e-6 + 0.1 * soft) ** 2
     room = 0.5e-3 * np.array([sd_mrad, most_mrad])
-    expected = 1e-3 + 1.96 * np.array([-1, 1]) * np.sqrt(own + room**2)
-    assert (low, high) == pytest.approx(expected, rel=1e-4)
+    assert (delta, *sds) == pytest.approx((1e-3, *np.sqrt(own + room**2)), rel=1e-9)
+
+
+def test_an_interval_s_side_has_its_own_sd():
+    low, high = rules._interval_of([(1e-3, 1e-4, 2e-4)], np.ones(1))
+    assert (low, high) == pytest.approx((1e-3 - 1.96e-4, 1e-3 + 3.92e-4), rel=1e-4)
+
+
+@pytest.mark.parametrize(("significant", "words"), [(2, None), (1, "leaves 1 of its harmonics")])
+def test_a_backlash_asks_for_two_harmonics_of_the_speed_that_stand_out(significant, words):
+    omega = np.arange(1.0, 21)
+    speed = np.where(omega <= significant, 4.1, 3.9) * 0.5
+    compared = SimpleNamespace(omega=omega, speed_sd=0.5, acceleration=1j * omega * speed)
+    with refused_for(words):
+        rules._check_speed(Problem(compared, None))
 
 
 def made_turn(**others):
@@ -204,8 +223,10 @@ def test_a_movement_is_refused_beyond_its_limits(
 @pytest.mark.parametrize(
     ("place", "value", "chi2", "words"),
     [
-        (GRAVITY, 0.349, 143.0, None),
-        (GRAVITY, -0.351, 100.0, "ln_gravity -3.5"),
+        (GRAVITY, 0.249, 143.0, None),
+        (GRAVITY, -0.251, 100.0, "ln_gravity -2.5"),
+        (RATIO, -0.251, 100.0, "ln_inertia_ratio -2.5"),
+        (SHARE, 0.349, 100.0, None),
         (LOSS, 0.351, 100.0, "loss .3.5"),
         (STIFFNESS, 0.0, 144.0, r"ms\); are the load's data right"),
         (FILTER, 3.1, 144.0, r"low-passed by 3.1 ms\); is the torque filtered, or a mean"),
