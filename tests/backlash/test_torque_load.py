@@ -168,15 +168,21 @@ def a_comparison(step_s=1e-4, **others):
 
 def some_unknowns(**others):
     values = {
-        **{"delta_mrad": 1.5, "ln_stiffness": np.log(2e4), "ln_damping": np.log(0.03)},
-        **{"friction": 0.1, "phase_rad": 0.4, "ln_gravity": np.log(30.0), "lag_ms": 0.8},
-        **{
-            "ln_inertia_ratio": np.log(2.0),
-            "ln_inertia": np.log(0.5),
-            "delay_ms": 0.6,
-            "loss": 0.1,
-        },
-        **{"soft_mrad": 0.2, "filter_ms": 2.0, "soft_share": 0.6, "drag": 0.25},
+        "delta_mrad": 1.5,
+        "ln_stiffness": np.log(2e4),
+        "ln_damping": np.log(0.03),
+        "friction": 0.1,
+        "phase_rad": 0.4,
+        "ln_gravity": np.log(30.0),
+        "lag_ms": 0.8,
+        "ln_inertia_ratio": np.log(2.0),
+        "ln_inertia": np.log(0.5),
+        "delay_ms": 0.6,
+        "loss": 0.1,
+        "soft_mrad": 0.2,
+        "filter_ms": 2.0,
+        "soft_share": 0.6,
+        "drag": 0.25,
     }
     return np.array([(values | others)[name] for name in NAMES])
 
@@ -188,13 +194,9 @@ def test_the_motion_is_that_of_the_speeds_harmonics_in_the_middle_of_each_step()
     assert 0.97e-4 < made.step_s <= 1e-4
     assert a_comparison(0.1).motion.shape[1] >= 8
     t = (np.arange(steps) + 0.5) * made.step_s
-    rates = [
-        2 * sum((c * (1j * w) ** k * np.exp(1j * w * t)).real for c, w in lines)
-        for lines in [
-            list(zip([0.03 + 0.01j, 0.005j, 0.002], 4 * np.pi * np.arange(1, 4), strict=True))
-        ]
-        for k in (-1, 0, 1, 2)
-    ]
+    harmonics = np.array([[0.03 + 0.01j], [0.005j], [0.002]])
+    jw = 4j * np.pi * np.arange(1, 4)[:, None]
+    rates = [2 * (harmonics * jw**k * np.exp(jw * t)).real.sum(axis=0) for k in (-1, 0, 1, 2)]
     angle = turns.TURN * t / 0.5 + rates[0]
     np.testing.assert_allclose(made.direction, np.exp(1j * angle), rtol=1e-9, atol=1e-9)
     expected = [1e-3 * rates[1], rates[2], 1e-3 * rates[3]]
@@ -225,15 +227,8 @@ def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
     torque = torque_of(theta, made, contact)
     np.testing.assert_allclose(torque, expected, rtol=1e-9)
     spring = 2e4 + 2j * 0.03 * np.sqrt(2e4) * w
-    by_speed = (
-        0.5
-        * np.abs(late)
-        * w
-        * np.abs(1 + 8e-4j * w)
-        * np.abs(1 + 2 * spring / (spring - w**2))
-        * 1e-3
-    )
-    sd = np.sqrt(by_speed**2 + made.own_variance)
+    by_speed = 1e-3 * 0.5 * late * w * (1 + 8e-4j * w) * (1 + 2 * spring / (spring - w**2))
+    sd = np.sqrt(np.abs(by_speed) ** 2 + made.own_variance)
     np.testing.assert_allclose(driven_load.predict_torque(theta, made, contact)[1], sd, rtol=1e-9)
     predicted = SimpleNamespace(torque=torque, sd=sd)
     residual = (expected - np.array([2 - 1j, 0.1j])) / sd

@@ -59,14 +59,13 @@ def decide(monkeypatch):
     for name, result in {
         "end_by_gravity": (SimpleNamespace(t=np.zeros(1)), np.zeros(1)),
         "measure_turn": SimpleNamespace(gear_ratio=1.0),
-        **{
-            "_check_movement": None,
-            "refuse_averaged": None,
-            "_check_joint": None,
-            "_check_speed": None,
-            "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
-        },
-        **{"_quantities": {}, "_model_torque": None},
+        "_check_movement": None,
+        "refuse_averaged": None,
+        "_check_joint": None,
+        "_check_speed": None,
+        "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
+        "_quantities": {},
+        "_model_torque": None,
     }.items():
         monkeypatch.setattr(rules, name, lambda *_, result=result, **__: result)
 
