@@ -98,60 +98,32 @@ compared = np.allclose([v_t, T_f], [100, 0.4])
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-@figures.in_style
-def draw_simulated_joint(time_s, signals):
-    heights = []
-    for *_, other in signals:
-        heights += [1.0] if other is None else [1.0, 0.5]
-    figure, axes = figures.grid(
-        len(heights),
-        1,
-        height_in=0.6 + 1.25 * sum(heights),
-        sharex=True,
-        height_ratios=heights,
-    )
-    panels = iter(axes[:, 0])
-    for label, simulated, other in signals:
-        axis = next(panels)
-        if other is not None:
-            axis.plot(time_s, other, label="authors' record", **figures.LOG)
-            below = next(panels)
-            below.axhline(0, **figures.THIN)
-            below.plot(
-                time_s,
-                simulated - other,
-                label="the difference",
-                **figures.RESIDUAL,
-            )
-            below.set_ylabel("[" + label.rpartition("[")[2])
-            figures.centre(below)
-        axis.plot(time_s, simulated, label="simulated joint", **figures.FIT)
-        axis.set(ylabel=label, xlim=(time_s[0], time_s[-1]))
-        if simulated.min() < 0 < simulated.max():
-            figures.centre(axis)
-    axes[-1, 0].set(xlabel="time $t$ [s]")
-    figure.align_ylabels()
-    return figures.finish(figure, 2, "outside upper center")
-
-
 delta = level_delta_rad(level)
 run = fine[delta]
 shown = np.arange(round(2 * T_f / 5e-5), round(4 * T_f / 5e-5), 40)
 lag = run.theta_m - joint.N * joint.start_angle - joint.Omega * run.t
 x_mrad = 1e3 * (run.theta_m / joint.N - run.theta_l)
-recorded = records[delta].v[shown // 40] if compared else None
-signals = [
-    ("$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]", lag[shown], None),
-    ("motor speed\n[rps]", run.v[shown], recorded),
-    ("motor torque\n[N m]", run.torque[shown], None),
-    ("$\\theta_m / N - \\theta_l$\n[mrad]", x_mrad[shown], None),
-]
+signals = {
+    "$\\theta_m - N \\theta_0 - \\Omega t$\n[rad]": lag,
+    "motor speed\n[rps]": run.v,
+    "motor torque\n[N m]": run.torque,
+    "$\\theta_m / N - \\theta_l$\n[mrad]": x_mrad,
+}
+figure, axes = figures.grid(4, 1, height_in=5.6, sharex=True)
+if compared:
+    recorded = records[delta].v[shown // 40]
+    axes[1, 0].plot(run.t[shown], recorded, label="authors' record", **figures.LOG)
+for axis, (label, signal) in zip(axes[:, 0], signals.items(), strict=True):
+    axis.plot(run.t[shown], signal[shown], label="simulated joint", **figures.FIT)
+    axis.set(ylabel=label)
+axis.set(xlabel="time $t$ [s]")
+figure.align_ylabels()
 workbook.show_figure(
     "figure10_simulator",
-    draw_simulated_joint(run.t[shown], signals),
+    figures.finish(figure, 2),
     f"Two settled turns of our joint at level {level}, a backlash of "
     f"{1e3 * delta:g} mrad: motor position less the commanded one, motor speed"
-    f"{', its difference from the record' if compared else ''}, motor torque, and "
+    f"{' beside the record' if compared else ''}, motor torque, and "
     "motor position over N less the load's. The last shows the backlash: its "
     f"flanks are {2e3 * delta:g} mrad apart; but nothing measures it. The speed is "
     "the only one published.",

@@ -8,7 +8,6 @@
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
 from scipy.optimize import newton
 from scipy.signal import find_peaks
 
@@ -120,64 +119,36 @@ peaks.round(4)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-@figures.in_style
-def draw_growth(disturbances, peaks, printed):
-    figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=5.0)
-    largest = 1.1 * figures.MRAD * max(disturbances)
-    shades = plt.cm.ScalarMappable(plt.Normalize(0, largest), "viridis")
-    for delta, (time_s, r) in disturbances.items():
-        upper.plot(
-            time_s,
-            r,
-            color=shades.to_rgba(np.array(figures.MRAD * delta)),
-            linewidth=0.9,
-        )
-    upper.set(
-        xlabel="time in a settled turn [s]", ylabel="disturbance $v - v_t$ [rps]"
-    )
-    figure.colorbar(shades, ax=upper, label=figures.BACKLASH_LABEL)
-    delta = figures.MRAD * peaks["delta_rad"]
-    lower.plot(
-        delta,
-        peaks["amplitude_rps"],
-        "o-",
-        label="our peak before sampling",
-        **figures.OURS,
-    )
-    sampled = {
-        "color": figures.SKY,
-        "mfc": "none",
-        "label": "our peak of the 2 ms samples",
-    }
-    lower.plot(delta, peaks["sampled_rps"], "s--", **sampled)
-    at = figures.MRAD * np.array(list(printed))
-    lower.plot(
-        at,
-        list(printed.values()),
-        **figures.PRINTED,
-        label="printed theoretical $A$",
-    )
-    lower.set(xlabel=figures.BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
-    return figures.finish(figure, 2)
-
-
 third = (t >= 2 * T_f - 1e-9) & (t < 3 * T_f - 1e-9)
-signals = {
-    delta: (t[third] - 2 * T_f, run.v[third] - v_t)  # equation 11
-    for delta, run in zip(every, runs, strict=True)
-    if delta in ten
-}
+figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=5.0)
+for delta, run in zip(every, runs, strict=True):
+    if delta in ten:  # the darker, the wider the gap
+        r = run.v[third] - v_t  # equation 11
+        shade = str(0.8 - 0.8 * delta / max(ten))
+        upper.plot(t[third] - 2 * T_f, r, color=shade, linewidth=0.9)
+upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $r$ [rps]")
+of_peak, of_samples = 1e3 * peaks["delta_rad"], {"mfc": "none", "marker": "s"}
+label = "our peak before sampling"
+lower.plot(of_peak, peaks["amplitude_rps"], "o-", label=label, **figures.OURS)
+label = "our peak of the 2 ms samples"
+lower.plot(of_peak, peaks["sampled_rps"], "--", label=label, **of_samples)
+printed = table2.theoretical_amplitudes()
+at = [1e3 * delta for delta in printed]
+label = "printed theoretical $A$"
+lower.plot(at, [*printed.values()], label=label, **figures.PRINTED)
+lower.set(xlabel=figures.BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
 of_delta = peaks.set_index("delta_rad")["amplitude_rps"]
 times = of_delta[ten[9]] / of_delta[ten[2]]
 p = np.log(times) / np.log(3)
 workbook.show_figure(
     "figure11_growth",
-    draw_growth(signals, peaks, table2.theoretical_amplitudes()),
-    f"(a) One settled turn at each of {len(ten)} backlashes. (b) The settled "
-    f"peaks at {len(every)} backlashes, before sampling (our reading of A) and of "
-    f"2 ms samples; the paper's, at 100 rps, end at {1e3 * max(ten):g} mrad, the "
-    f"authors' files at {1e3 * max(every):g} mrad. From 0.7 to 2.1 mrad, three "
-    f"times, the peak grows {times:.2f} times, as 3 to the power {p:.2f}.",
+    figures.finish(figure, 2),
+    f"(a) One settled turn at each of {len(ten)} backlashes, the widest black. "
+    f"(b) The settled peaks at {len(every)} backlashes, before sampling (our "
+    "reading of A) and of 2 ms samples; the paper's, at 100 rps, end at "
+    f"{1e3 * max(ten):g} mrad, the authors' files at {1e3 * max(every):g} mrad. "
+    f"From 0.7 to 2.1 mrad, three times, the peak grows {times:.2f} times, as 3 "
+    f"to the power {p:.2f}.",
 )
 
 # %% [markdown]
@@ -226,23 +197,15 @@ v_n = speed.v + rng.uniform(-noise_rps, noise_rps, speed.v.size)  # equation 18
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-@figures.in_style
-def draw_speed_signal(t, v, turn_period_s):
-    figure, axis = figures.panel(2.6)
-    axis.plot(t, v, **figures.FIT)
-    for turn in np.arange(t[0], t[-1], turn_period_s):
-        axis.axvline(turn, **figures.DOTTED)
-    axis.set(
-        xlabel="time $t$ [s]", ylabel="motor speed $v$ [rps]", xlim=(t[0], t[-1])
-    )
-    return figure
-
-
 largest_rps = (v_n[speed.t >= T_f] - v_t).max()
 workbook.show_figure(
     "figure05_speed_signal",
-    draw_speed_signal(speed.t, v_n, T_f),
-    "Motor speed of the simulated joint over four turns (dotted lines), at a "
+    figures.curves(
+        {"simulated joint": (speed.t, v_n, figures.FIT)},
+        "time $t$ [s]",
+        "$v$ [rps]",
+    ),
+    f"Motor speed over four turns of {T_f:g} s, at a "
     f"backlash of {1e3 * level_delta_rad(speed_level):g} mrad, with uniform noise "
     f"of half-amplitude {noise_rps:g} rps. The teeth meet {speed.impacts.size} "
     f"times, and the speed rings about the commanded {v_t:g} rps; the largest "

@@ -2,7 +2,7 @@
 # # 5 · The signature of backlash (figure 6)
 #
 # *You will write the signature in ten lines, see it over a record, and fit it with the cost of your
-# choice. Before this: notebooks [0](00_the_sensor.ipynb) and [4](04_growth_figure11.ipynb).*
+# choice. Before this: notebook [0](00_the_sensor.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 from collections import namedtuple
@@ -153,17 +153,24 @@ X = stored_X[run - 1]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t = np.arange(0, turns * 0.4 + 0.1, 1e-4)
-left_percent = 100 * np.exp(-X.tau * (X.T2 - X.T1))
+same_signature = all(
+    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X[:7]))
+    for X in stored_X
+)
+fine = X.t0 + np.linspace(0, 0.4, 40_001)
+first = np.abs(d_b(fine, X, X.t0))
+lasts = fine[first > 0]
+whose = "the paper's" if same_signature else "your"
+late = first[fine > lasts.max() - np.pi / X.omega].max()
 workbook.show_figure(
     "figure06_signature",
     figures.signature_parameters(
         t, h(t, X, 0.2, 0.4, turns), X[:7], Timing(n=turns)
     ),
     f"(a) The signature of {turns} turn{'s' if turns > 1 else ''} at the "
-    f"parameters of stored run {run}: two oscillations a turn, T_d apart. (b) The "
-    "first lasts from t_0 + T_1 to t_0 + T_2; its envelope (dashed) decays from "
-    f"the amplitude {abs(X.A):.2f} rps, and {left_percent:.0f} % of it is left "
-    "when the gate closes.",
+    f"parameters of stored run {run}, by {whose} code. (b) Its first oscillation: "
+    f"{1e3 * np.ptp(lasts):.0f} ms long, at most {first.max():.2f} rps; in its "
+    f"last half period it reaches {100 * late / first.max():.0f} % of that.",
 )
 
 # %% [markdown]
@@ -178,39 +185,27 @@ def residual_signal(X, n=12):  # equation 11, less the signature
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-@figures.in_style
-def draw_record_with_fit(t, v, fitted, labels, seconds):
-    figure, ((upper,), (lower,)) = figures.grid(
-        2, 1, height_in=4.0, sharex=True, height_ratios=(2, 1)
-    )
-    upper.plot(t, v, label=labels[0], **figures.LOG)
-    upper.plot(t, fitted, label=labels[1], **figures.FIT)
-    upper.set(ylabel="motor speed $v$ [rps]", xlim=(t[0], t[0] + seconds))
-    lower.axhline(0, **figures.THIN)
-    lower.plot(t, v - fitted, **figures.RESIDUAL)
-    lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
-    figures.centre(lower)
-    return figures.finish(figure, 2)
-
-
 residual = residual_signal(X)
+figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=4.0, sharex=True)
+upper.plot(record.t, record.v, label=record.source, **figures.LOG)
+fitted = record.v - residual
+upper.plot(record.t, fitted, label=f"stored run {run}", **figures.FIT)
+upper.set(ylabel="motor speed $v$ [rps]", xlim=(0, 1.6))
+lower.plot(record.t, residual, **figures.RESIDUAL)
+lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
+figures.centre(lower)
 at = record.t[np.abs(residual).argmax()]
 settled = np.abs(residual[200:])
+start_up = " (the first turn begins with a transient that no signature has)"
 workbook.show_figure(
     "figure05_record12_with_signature",
-    draw_record_with_fit(
-        record.t,
-        record.v,
-        record.v - residual,
-        (record.source, f"stored run {run}"),
-        seconds=1.6,
-    ),
-    f"(a) Four turns of {record.source}, and the signature that stored run {run} "
-    f"fitted to record 12. (b) The residual: largest at {at:.3f} s (the first "
-    "turn, up to 0.4 s, has a start-up transient that is in no signature). Settled "
-    f"it reaches {settled.max():.2f} rps, "
-    f"{(record.t[200:][settled.argmax()] - X.t0) % 0.2:.3f} s after a start of an "
-    "oscillation.",
+    figures.finish(figure, 2),
+    f"(a) Four turns of {record.source}, and the signature with the parameters of "
+    f"stored run {run}, by {whose} code. (b) The residual: largest at {at:.3f} "
+    f"s{start_up if at < 0.4 else ''}. After the first turn it reaches "
+    f"{settled.max():.2f} rps, "
+    f"{(record.t[200:][settled.argmax()] - X.t0) % 0.2:.3f} s after the start of "
+    "an oscillation.",
 )
 
 # %% [markdown]
@@ -286,10 +281,6 @@ def best_of_seeds(residual, criterion, kind):  # of parameters: paper's, or your
 
 
 # %%
-same_signature = all(
-    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X[:7]))
-    for X in stored_X
-)
 changed = not same_signature or cost != "RMSE" or bool(more_bounds)
 rows = {"the paper's": best_of_seeds(paper_residual, rmse, Parameters)}
 with workbook.explain("cost", getattr(cost, "__name__", cost)):
@@ -322,10 +313,15 @@ text = (
 )
 if changed:
     change_A = round(100 * (yours["|A| [rps]"] / usual["|A| [rps]"] - 1), 1)
+    its_A = (
+        f"an $|A|$ that is {change_A:+} % off the paper's"
+        if change_A
+        else "its $|A|$"
+    )
     text += (
         f" Yours leave {yours['RMSE [rps]']:.4f} rps, "
-        f"{yours['RMSE [rps]'] / usual['RMSE [rps]']:.2f} times as much, with an "
-        f"$|A|$ that is {change_A + 0.0:+} % off the paper's."
+        f"{yours['RMSE [rps]'] / usual['RMSE [rps]']:.2f} times as much, with "
+        f"{its_A}."
     )
 if min(usual["alike"], yours["alike"]) < 2:
     text += (
@@ -428,4 +424,4 @@ workbook.check_answer(factor, np.exp(X8.tau * record.sample_s), to=0.002)
 
 # %% [markdown]
 # **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is
-# free within a sample. *Next:* [from amplitude to backlash](06_characteristic_figure12.ipynb).
+# free within a sample. *Next:* [the search](07_search_table1.ipynb).

@@ -148,56 +148,28 @@ ours, ours_rmse = fit_polynomial(60 * peaks, delta, degree)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-@figures.in_style
-def draw_characteristic(curves, points, residuals):
-    figure, ((upper,), (lower,)) = figures.grid(
-        2, 1, height_in=4.6, sharex=True, height_ratios=(2, 1)
-    )
-    looks = (
-        {"color": figures.INK, "linestyle": "-"},
-        {"color": figures.BLUE, "linestyle": "--"},
-    )
-    for (label, (A, delta)), look in zip(curves.items(), looks, strict=False):
-        upper.plot(A, figures.MRAD * delta, label=label, linewidth=1.0, **look)
-    marks = (
-        figures.PRINTED,
-        {"color": figures.BLUE, "marker": "s", "linestyle": "none", "mfc": "none"},
-    )
-    for (label, (A, delta)), mark in zip(points.items(), marks, strict=False):
-        upper.plot(A, figures.MRAD * delta, label=label, **mark)
-    marks = (
-        figures.PRINTED | {"marker": "o", "mfc": "none", "mew": 1.0},
-        figures.RESIDUAL | {"linestyle": "--"},
-    )
-    for (label, (A, residual)), mark in zip(residuals.items(), marks, strict=False):
-        lower.plot(A, figures.MRAD * residual, label=label, **mark)
-    lower.axhline(0, **figures.THIN)
-    lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
-    figures.centre(lower)
-    upper.set(ylabel=figures.BACKLASH_LABEL)
-    return figures.finish(figure, 1)
-
-
 A_rps = np.linspace(theoretical.min(), theoretical.max(), 400)
 by_ours, by_print = polynomial(60 * A_rps, ours), polynomial(60 * A_rps, printed)
 apart = np.abs(by_ours - by_print).max()
 off_percent = 100 * np.abs(peaks / theoretical - 1).max()
+figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=4.6, sharex=True)
+ROUGH, DASHED = figures.OURS | {"marker": "s", "linestyle": ""}, {"linestyle": "--"}
+upper.plot(A_rps, 1e3 * by_print, label="equation 10, printed", **figures.FIT)
+upper.plot(
+    A_rps, 1e3 * by_ours, label=f"degree {degree} through our peaks", **DASHED
+)
+upper.plot(theoretical, 1e3 * delta, label="printed points", **figures.PRINTED)
+upper.plot(peaks, 1e3 * delta, label="our simulated peaks", mfc="none", **ROUGH)
+upper.set(ylabel=figures.BACKLASH_LABEL)
+missed = "equation 10 less printed points"
+lower.plot(theoretical, 1e3 * (in_rpm - delta), label=missed, **figures.PRINTED)
+between = 1e3 * (by_ours - by_print)
+lower.plot(A_rps, between, label="ours less equation 10", **DASHED)
+lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
+figures.centre(lower)
 workbook.show_figure(
     "figure12_characteristic",
-    draw_characteristic(
-        {
-            "equation 10, printed": (A_rps, by_print),
-            f"degree {degree} through our peaks": (A_rps, by_ours),
-        },
-        {
-            "printed points": (theoretical, delta),
-            "our simulated peaks": (peaks, delta),
-        },
-        {
-            "equation 10 less printed points": (theoretical, in_rpm - delta),
-            "ours less equation 10": (A_rps, by_ours - by_print),
-        },
-    ),
+    figures.finish(figure, 1),
     "(a) Equation 10 as printed, with A in rpm, and a polynomial through the "
     f"peaks of our simulated joint at {peaks.size} backlashes. (b) Equation 10 "
     "less the printed points, and our polynomial less equation 10. The peaks are "
@@ -250,7 +222,12 @@ by_rounding = {"fitted": 1e6 * fitted, "rounding moves it by": rounding_moves}
 pd.DataFrame(by_rounding).rename_axis("power of A").map("{:.6g}".format)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-shaken = [f"A^{k}" for k in range(4) if rounding_moves[k] > 1e-4]
+low, high = 1e6 * fitted + np.outer((-1, 1), rounding_moves)
+shaken = [
+    f"A^{k} ({low[k]:.4f} to {high[k]:.4f})"
+    for k in range(4)
+    if f"{low[k]:.4f}" != f"{high[k]:.4f}"  # as the paper prints it
+]
 explained = "do not all come back with these parameters."
 if agreeing == 4:
     explained = (

@@ -133,27 +133,20 @@ errors.round(2)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-@figures.in_style
-def draw_means_beside(rows):
-    figure, axis = figures.panel(3.0)
-    at = np.arange(len(rows))
-    style = {"fmt": "s", "color": figures.PINK, "label": "stand-in (simulated)"}
-    axis.errorbar(at - 0.1, rows["mean_A_rps"], rows["sd_A_rps"], **style)
-    printed = figures.PRINTED | {"label": "printed, not tested"}
-    axis.errorbar(at + 0.1, rows["printed_mean"], rows["printed_sd"], **printed)
-    known = {"color": figures.GREEN, "mfc": "none", "label": "printed known $A$"}
-    axis.plot(at + 0.25, rows["printed_known"], "<", **known)
-    axis.margins(y=0.1)
-    axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
-    axis.set_xticks(at, rows.index)
-    return figures.finish(figure, 2)
-
-
 rows = table3.set_index((1e3 * table3["delta_rad"]).map("{:.2g} mrad".format))
 within = errors["printed"].between(errors["min"], errors["max"]).sum()
+figure, axis = figures.panel(3.0)
+at = np.arange(len(rows))
+ours = {"fmt": "s", "color": figures.PINK, "label": "stand-in (simulated)"}
+axis.errorbar(at, rows["mean_A_rps"], rows["sd_A_rps"], **ours)
+theirs = figures.PRINTED | {"label": "printed, not tested"}
+axis.errorbar(at + 0.1, rows["printed_mean"], rows["printed_sd"], **theirs)
+axis.plot(at + 0.2, rows["printed_known"], "<", label="printed known $A$")
+axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
+axis.set_xticks(at, rows.index)
 workbook.show_figure(
     "table3_bench",
-    draw_means_beside(rows),
+    figures.finish(figure, 2),
     f"A of the stand-in bench (mean, SD of {repeats} runs) beside Table 3's. "
     f"{within} of 3 printed errors lie among those of {benches} other benches, "
     f"which miss by {errors['mean'].mean():+.1f} % on average. How far they "

@@ -494,7 +494,7 @@ def simulate(
     integrate(start, side, float(delta), step, every, samples, compilable(joint))
     if np.isnan(samples).any():
         raise ValueError(
-            f"the joint runs away with a backlash of {delta} rad; lower the gains, the delay or the step"
+            f"the joint runs away with a backlash of {delta} rad: with this drive, or this step, it is unstable"
         )
     t = np.arange(len(samples), dtype=float) * sample
     # The motion commanded, to which the states are deviations.

@@ -122,8 +122,9 @@ CLAIMS = {
     ),
     "no_backlash": Claim(
         ("low", "high"),
-        "95th percentile of |A| over the smallest mean: {percentile:.2f} (95 % interval {low:.2f} to {high:.2f}); it "
-        "is below {limit:.2g} in {below} of {noises} noise records; mean |A| {mean_rps:.3f}, largest {largest_rps:.3f} "
+        "95th percentile of |A| over the smallest mean: {percentile:.2f} (95 % interval {low:.2f} to "
+        "{high:.2f|no end below 72 records}); it is below {limit:.2g} in {below} of {noises} noise records; "
+        "mean |A| {mean_rps:.3f}, largest {largest_rps:.3f} "
         "rps",
     ),
     "turns_reduce_noise": Claim(
@@ -180,10 +181,13 @@ CLAIMS = {
 
 
 class _Scaling(string.Formatter):
-    """Writes a number times what stands before the sign × of its format."""
+    """Writes a number times what stands before the sign × of its format, and if it is none what stands after |."""
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        factor, _, form = format_spec.rpartition("×")
+        form, _, instead = format_spec.partition("|")
+        if instead and not np.isfinite(value):
+            return instead
+        factor, _, form = form.rpartition("×")
         return format(float(factor) * value if factor else value, form)
 
 

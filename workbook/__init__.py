@@ -16,6 +16,7 @@ _MODULE_OF = {
     "judge": "judging",
     "read_kept": "outcomes",
     "say": "outcomes",
+    "say_path": "teaching",
     "say_times": "teaching",
     "show": "outcomes",
     "show_figure": "outcomes",

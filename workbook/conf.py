@@ -48,6 +48,9 @@ CONTENTS = """
 FOCUS = """addEventListener("load", () => document.querySelectorAll(
   "pre, .table-wrapper, .output, mjx-container, .math").forEach(each => { each.tabIndex = 0; }));
 """
+# A page by itself, which has no contents beside it.
+EXPLORE = "notebooks/explore.html"
+BACK = ' <a href="../results/report.html">To the book</a>'
 FIRST_PAGE = '<meta http-equiv="refresh" content="0; url=results/report.html">\n'
 
 
@@ -58,6 +61,7 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", add_contents)
     app.connect("doctree-read", leave_formulas)
     app.connect("build-finished", write_first_page)
+    app.connect("build-finished", copy_explore)
 
 
 def add_contents(app: Sphinx, document: str, source: list[str]) -> None:
@@ -87,3 +91,9 @@ def give_captions_a_level(
 def write_first_page(app: Sphinx, error: Exception | None) -> None:
     """Write `index.html`."""
     Path(app.outdir, "index.html").write_text(FIRST_PAGE, encoding="utf-8")
+
+
+def copy_explore(app: Sphinx, error: Exception | None) -> None:
+    """Copy the page to play with, and give it a way back."""
+    page = Path(app.srcdir, EXPLORE).read_text(encoding="utf-8")
+    Path(app.outdir, EXPLORE).write_text(page.replace("<!-- book -->", BACK), encoding="utf-8")

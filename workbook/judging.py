@@ -11,6 +11,7 @@
 """
 
 import math
+import re
 from collections.abc import Mapping
 from itertools import chain
 from pathlib import Path
@@ -199,6 +200,38 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
     return table.fillna("").map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
 
 
+def split_table(table: pd.DataFrame) -> list[pd.DataFrame]:
+    """The rows of `judge` as a reader sees them: numbers, with one digit more than printed, and then sentences."""
+    of_numbers = table["printed"] != ""
+    numbers, sentences = table[of_numbers], table[~of_numbers]
+    numbers = numbers.apply(_round_row, axis=1).rename(index=_name_cell)
+    sentences = sentences[["ours", "committed", "verdict"]]
+    if (sentences["committed"] == sentences["ours"]).all():
+        sentences = sentences.drop(columns="committed")
+    sentences = sentences.rename(
+        index=lambda claim: claim.replace("_", " "), columns={"ours": "measured"}
+    )
+    named = numbers.rename_axis("number"), sentences.rename_axis("the paper's sentence")
+    return [each for each in named if len(each)]
+
+
+def _name_cell(cell: str) -> str:
+    """Name of a printed number: "Table 2, row 1, mean" of `table2.row01.mean`."""
+    words = re.sub(r"([a-z])0*(\d)", r"\1 \2", cell).replace(".", ", ").replace("_", " ")
+    return words[0].upper() + words[1:]
+
+
+def _round_row(row: pd.Series) -> pd.Series:
+    decimals = re.fullmatch(r"-?\d+(?:\.(\d+))?", row["printed"])
+    if decimals is None:  # with a power of ten
+        return row
+    form = f".{len(decimals[1] or '') + 1}f"
+    row = row.copy()
+    for column in ("ours", "low", "high", "committed"):
+        row[column] = row[column] and f"{float(row[column]):{form}}"
+    return row
+
+
 def verdict(
     text: str,
     cells: Cells | None = None,
@@ -225,6 +258,7 @@ def verdict(
     from IPython.display import Markdown, display
 
     if cells or claims:
-        display(judge(cells, claims))
+        for table in split_table(judge(cells, claims)):
+            display(table)
     display(Markdown(text))
     save_outcome(cells or {}, claims or {}, facts or {}, tables or {})

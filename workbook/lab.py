@@ -39,7 +39,7 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
         notebook.metadata["jupytext"] = {"formats": "ipynb"}  # no source is paired with it
         write_text(copy, nbformat.writes(notebook) + "\n")
         notary.sign(notebook)
-    for page in NOTEBOOKS.glob("*.md"):
+    for page in (*NOTEBOOKS.glob("*.md"), *NOTEBOOKS.glob("*.html")):
         shutil.copy(page, folder)
     settings = folder / ".settings" / "@jupyterlab" / "apputils-extension"
     write_text(settings / "notification.jupyterlab-settings", SETTINGS)

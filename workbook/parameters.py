@@ -11,6 +11,10 @@ from replication.files import UserError
 class ParameterError(UserError, ValueError):
     """A value that a parameter may not have."""
 
+    def _render_traceback_(self) -> list[str]:
+        """What Jupyter shows, above the outputs of cells that it does not come to."""
+        return [f"{self} (what stands below is of an earlier run)"]
+
 
 def is_number(value: Any) -> bool:
     """Whether a value is a real number, and no truth value."""

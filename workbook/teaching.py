@@ -16,6 +16,8 @@ WORDS_PER_MINUTE = 150
 LINES_PER_MINUTE = 12  # of code that is not folded
 EQUATION_MINUTES = 1.0
 FIGURE_MINUTES = 0.5
+TABLE_MINUTES = 0.5
+EXERCISE_MINUTES = 5
 FOLDED = {"hide-input", "hide-cell", "remove-input"}
 EXERCISE = {"solution", "check"}
 EQUATION = re.compile(r"\$\$.*?\$\$", re.DOTALL)
@@ -23,22 +25,35 @@ FIGURES = re.compile(r"workbook\.(?:show|show_figure|flipbook)\(")
 
 
 def reading_minutes(name: str) -> float:
-    """How long a reader takes for a notebook, without its exercises' code: words, visible code, equations, figures."""
-    import jupytext  # slow to import
-
-    words = lines = equations = figures = 0
-    for cell in jupytext.read(notebook_sources()[name]).cells:
+    """How long a reader takes for a notebook without its exercises: words, visible code, equations, figures, tables."""
+    words = lines = equations = figures = tables = 0
+    for cell in _read_cells(name):
         tags = set(cell.metadata.get("tags", []))
         if cell.cell_type == "markdown":
             equations += len(EQUATION.findall(cell.source))
             words += len(EQUATION.sub("", cell.source).split())
         elif not tags & EXERCISE:
             figures += len(FIGURES.findall(cell.source))
+            tables += _shows_table(cell.source)
             words += sum(len(text.split()) for text in _sentences(cell.source))
             visible = [] if tags & FOLDED else cell.source.splitlines()
             lines += sum(bool(line.strip()) for line in visible)
     minutes = words / WORDS_PER_MINUTE + lines / LINES_PER_MINUTE
-    return minutes + EQUATION_MINUTES * equations + FIGURE_MINUTES * figures
+    return (
+        minutes + EQUATION_MINUTES * equations + FIGURE_MINUTES * figures + TABLE_MINUTES * tables
+    )
+
+
+def _read_cells(name: str) -> list[Any]:
+    import jupytext  # slow to import
+
+    return jupytext.read(notebook_sources()[name]).cells
+
+
+def _shows_table(code: str) -> bool:
+    """Whether a cell ends with a value, which Jupyter shows: a table, but for a call that shows something itself."""
+    last = ast.parse(code).body[-1]
+    return isinstance(last, ast.Expr) and not ast.unparse(last).startswith(("workbook.", "print("))
 
 
 def _sentences(code: str) -> list[str]:
@@ -53,6 +68,17 @@ def say_times(name: str) -> None:
     half_minutes = -(-measured.get(name, np.nan) // 30)
     run = f"{half_minutes / 2:g} min" if half_minutes > 0 else "not measured"
     say(f"*Reading time: {reading_minutes(name):.0f} min. Run time: {run}.*")
+
+
+def say_path(*names: str) -> None:
+    """Say how long the notebooks of a path take together, by the same model, and how long their exercises."""
+    hours = sum(reading_minutes(name) for name in names) / 60
+    tags = [cell.metadata.get("tags", []) for name in names for cell in _read_cells(name)]
+    exercises = sum("solution" in each for each in tags)
+    say(
+        f"*The path in all: {hours:.1f} h to read, and {exercises * EXERCISE_MINUTES / 60:.1f} h for its {exercises} "
+        f"exercises, if one takes {EXERCISE_MINUTES} min.*"
+    )
 
 
 class Change(NamedTuple):
@@ -81,9 +107,14 @@ def check_answer(answer: Any, expected: Any, to: float = 0.0) -> None:
         The precision that the exercise asks for: an answer may lie so far off. 0: it asks for a whole number.
     """
     given = np.array(answer, dtype=object)
+    for place, each in np.ndenumerate(given):
+        if isinstance(each, complex) and each.imag == 0:  # as the roots of a polynomial are given
+            given[place] = each.real
     if wrong := [each for each in given.flat if not is_number(each)]:
         print(f"not yet: {wrong[0]!r} is not a number")
         return
+    if given.size == 1 and np.ndim(expected) == 0:  # as solvers return one number
+        given = given.reshape(())
     numbers = given.astype(float)[()]
     if np.isnan(numbers).any():
         return

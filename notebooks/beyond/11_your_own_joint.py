@@ -1,9 +1,9 @@
 # %% [markdown]
 # # 11 · Measure your own joint
 #
-# *You will estimate the backlash of a joint from a log of its speed and torque, and see when the
-# sensor refuses; then measure a log of your own. Before this: notebook
-# [0](../00_the_sensor.ipynb).*
+# *You will estimate the backlash of a joint from a log of its speed and torque in thirty lines of your
+# own, compare the sensor, and see when it refuses; then measure a log of your own. Before this:
+# notebook [0](../00_the_sensor.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
@@ -84,9 +84,10 @@ if my_log:
 # ### The coupling's torque
 #
 # The joint is here a stand-in of notebook [9](../09_stand_ins_tables3_4.ipynb): other stiffness,
-# gravity and gains than the paper's, some friction, an encoder of 19 bits. The motor of the inertia
-# $J_m$ [kg m²] turns at the speed $\omega_m$ [rad/s] under its torque $\tau_m$ [N m]. So the two
-# signals give the torque of the coupling, but for the motor's friction $\tau_f$ [N m]:
+# gravity and gains than the paper's, some friction, an encoder of 19 bits. First a *clean* log of it.
+# The motor of the inertia $J_m$ [kg m²] turns at the speed $\omega_m$ [rad/s] under its torque
+# $\tau_m$ [N m]. So the two signals give the torque of the coupling, but for the motor's friction
+# $\tau_f$ [N m]:
 #
 # $$\tau_l = N \left(\tau_m - J_m\, \dot\omega_m - \tau_f\right)$$
 #
@@ -100,45 +101,54 @@ my_joint = drawn.joint._replace(load_coulomb=friction_nm)
 backlash_rad = 1e-3 * backlash_mrad
 
 
-def log_joint(delta_rad, seed, of=my_joint):  # a table as a recorder writes it
+# A table as a recorder writes it; `loud` is a factor on its noise.
+def log_joint(delta_rad, seed, of=my_joint, loud=1.0):
     rng = np.random.default_rng((bench_seed, seed))
     turning = of._replace(start_angle=rng.uniform(0, signature.TURN))
     run = joint.simulate(turning, delta_rad, log_turns * turning.turn_period)
-    step = turning.encoder_step
+    step = loud * turning.encoder_step
     read = standins.read_encoder(turning, run.t, run.theta_m, step, "encoder")
-    speed = read.v + rng.normal(0, drawn.noise_rps, read.v.size)
-    noise = rng.normal(0, 0.01 * gravity_nm / of.N, read.v.size)
-    torque = run.torque[:-1] + noise
-    columns = {"time [s]": read.t, "speed [rps]": speed, "torque": torque}
-    return pd.DataFrame(columns)
+    speed = read.v + loud * rng.normal(0, drawn.noise_rps, read.v.size)
+    noise = loud * rng.normal(0, 0.01 * gravity_nm / of.N, read.v.size)
+    columns = {"time [s]": read.t, "speed [rps]": speed}
+    return pd.DataFrame(columns | {"torque": run.torque[:-1] + noise})
 
 
 # %%
-log = log_joint(backlash_rad, 0)
-TURN = 200  # samples; the mean turn has less noise
-whole = log[: len(log) // TURN * TURN].to_numpy().reshape(-1, TURN, 3)
-_, speed, torque = whole[1:].mean(axis=0).T
-omega = 2 * np.pi * np.r_[speed[-1], speed, speed[0]]
-acceleration = (omega[2:] - omega[:-2]) / (2 * 2e-3)
-tau_l = my_joint.N * (torque - torque.mean() - my_joint.J_m * acceleration)
+TURN = 200  # samples
+s = 2j * np.pi * np.arange(1, TURN // 2 + 1) / my_joint.turn_period  # i omega_k
+
+
+def harmonics(log, J_m=my_joint.J_m):  # of omega_m and of tau_l
+    turns = log[: len(log) // TURN * TURN].to_numpy().reshape(-1, TURN, 3)
+    _, speed, torque = turns[1:].mean(axis=0).T  # the mean turn has less noise
+    omega = np.fft.rfft(2 * np.pi * speed)[1:]
+    return omega, my_joint.N * (np.fft.rfft(torque)[1:] - J_m * s * omega)
+
+
+def in_time(harmonics):  # less the mean
+    return np.fft.irfft(np.r_[0, harmonics], TURN)
+
+
+clean = log_joint(backlash_rad, 0, loud=0.0)
+tau_l = in_time(harmonics(clean)[1])
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 amplitude = np.abs(2 * np.fft.rfft(tau_l)[1] / TURN)
 small = np.abs(tau_l) < 0.1 * amplitude
-t_ms = 2 * np.arange(TURN)
+t_ms = 1e3 * my_joint.turn_period / TURN * np.arange(TURN)
 figure, axis = figures.panel(2.6)
-of_motor = my_joint.N * (torque - torque.mean())
-axis.plot(t_ms, of_motor, label="$N \\tau_m$", **figures.LOG)
 axis.plot(t_ms, tau_l, label="$\\tau_l$", **figures.FIT)
 shade = {"where": small, "color": "0.9", "label": "$\\tau_l$ below 10 %"}
 axis.fill_between(t_ms, -amplitude, amplitude, **shade)
 axis.set(xlabel="time in the mean turn [ms]", ylabel="torque less its mean [N m]")
-of_sine_ms = 2 * TURN * 2 * np.arcsin(0.1) / np.pi
-seen = 2 * small.sum() > 1.2 * of_sine_ms
+of_sine_ms = t_ms[1] * TURN * 2 * np.arcsin(0.1) / np.pi
+open_ms = t_ms[1] * small.sum()
+seen = open_ms > 1.2 * of_sine_ms
 workbook.show(
     figures.finish(figure, 3),
     f"$\\tau_l$ stays below a tenth of its first harmonic, {amplitude:.1f} N m, "
-    f"for {2 * small.sum()} ms of the turn; gravity's sine alone would for "
+    f"for {open_ms:.0f} ms of the turn; gravity's sine alone would for "
     f"{of_sine_ms:.0f} ms. "
     + (
         "Nothing holds the load in the gap; then it rings, because the teeth meet "
@@ -150,21 +160,78 @@ workbook.show(
 )
 
 # %% [markdown]
-# ### The model of the load
+# ### Gravity, two springs, and least squares
 #
-# No model of the drive is needed: the measured motor angle $\theta_m$ [rad] drives the load. Its
-# angle $\theta_l$ [rad] moves by
+# The torque moves the load, of the inertia $J_l$ [kg m²], against gravity $m g r \sin\theta_l$ [N m].
+# It turns evenly but for some mrad, so gravity is a sine in time, and all the rest follows: with $s_k =
+# i k\, 2\pi / T$ for the harmonic $k$ of a turn of $T$ seconds, the displacement of the teeth is
+#
+# $$\left(\frac{\theta_m}{N} - \theta_l\right)_k = \frac{\omega_{m,k}}{s_k N} - \frac{\tau_{l,k}}{s_k^2 J_l}
+# \quad\text{but for gravity, in } k = 1$$
+#
+# While the teeth touch, a spring of the stiffness $K_s$ [N m/rad] on either flank gives
+#
+# $$\frac{\theta_m}{N} - \theta_l = \delta\,\text{sign}(\tau_l) + \frac{\tau_l}{K_s}$$
+#
+# So each sample outside the gap is a linear equation of five unknowns: the mean, gravity's cosine and
+# sine, $1/K_s$ and $\delta$. *Predict:* what does the torque look like over the displacement?
+
+
+# %%
+def fit_turn(log, J_m=my_joint.J_m, J_l=my_joint.J_l):
+    omega, torque = harmonics(log, J_m)
+    tau_l = in_time(torque)
+    moved = in_time(omega / (s * my_joint.N) - torque / (s**2 * J_l))
+    angle = 2 * np.pi * np.arange(TURN) / TURN
+    of_gravity = np.c_[np.ones(TURN), np.cos(angle), np.sin(angle)]
+    unknowns = np.c_[of_gravity, tau_l, np.sign(tau_l)]
+    touching = np.abs(tau_l) > 0.1 * np.abs(2 * torque[0] / TURN)
+    solved, *_ = np.linalg.lstsq(unknowns[touching], moved[touching])
+    gravity = np.hypot(*solved[1:3]) * J_l * abs(s[0]) ** 2
+    x = moved - of_gravity @ solved[:3]
+    return {"K_s": 1 / solved[3], "m g r": gravity, "delta": solved[4]}, x, tau_l
+
+
+log = log_joint(backlash_rad, 0)
+of_clean, x, tau_x = fit_turn(clean)
+of_log, *_ = fit_turn(log)
+true = {"K_s": my_joint.K_s, "m g r": gravity_nm, "delta": backlash_rad}
+springs = pd.DataFrame({"true": true, "clean log": of_clean, "noisy log": of_log})
+springs.map("{:.4g}".format)
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+line = np.linspace(x.min(), x.max(), 200)
+delta = of_clean["delta"]
+two_springs = of_clean["K_s"] * (line - np.clip(line, -delta, delta))
+lines = {
+    "a turn of the clean log": (1e3 * x, tau_x, figures.LOG),
+    "two springs": (1e3 * line, two_springs, figures.FIT),
+}
+off_percent = 100 * (springs["clean log"] / springs["true"] - 1)
+workbook.show(
+    figures.curves(lines, "displacement of the teeth [mrad]", "$\\tau_l$ [N m]"),
+    "Two lines of the slope $K_s$, and between them the gap, $2\\delta$ wide. "
+    f"From the clean log $K_s$ is {off_percent['K_s']:+.1f} %, gravity "
+    f"{off_percent['m g r']:+.1f} % and $\\delta$ "
+    f"{1e3 * delta - backlash_mrad:+.3f} mrad off; from the noisy one $\\delta$ "
+    f"is {1e3 * of_log['delta'] - backlash_mrad:+.3f} mrad off.",
+)
+
+# %% [markdown]
+# ### The sensor
+#
+# The sensor fits the same load in full, not only where the teeth touch: the measured motor angle
+# $\theta_m$ [rad] drives it,
 #
 # $$\begin{aligned} J_l\, \ddot\theta_l &= \tau_l - m g r \left[\sin\theta_l + s\,\text{sign}(\dot\theta_l)\right] \\
 # \tau_l &= K_s\, p_\delta\!\left(\frac{\theta_m}{N} - \theta_l\right) + \text{damping} \end{aligned}$$
 #
-# with the inertia $J_l$ [kg m²], gravity $m g r$ [N m], friction $s$ over gravity, stiffness $K_s$ [N
-# m/rad], and $p_\delta$ [rad], what the displacement exceeds $\pm\delta$ by. This gives the torque
-# that the motor should need; the sensor fits it, harmonic by harmonic, to the measured one. Two
-# numbers of the load are given, $J_l/(N^2 J_m)$ and $m g r/J_l$ [1/s²]; stiffness, damping, friction,
-# losses and $\delta$ are fitted, and the two corrected as far as the log says more than what was
-# known of them. $\delta$ is proportional to the $m g r/J_l$ that the fit ends at. *Predict:* how wide
-# is the interval, if gravity is known to 5 % and inertia to 10 %?
+# with friction $s$ over gravity, and $p_\delta$ [rad], what the displacement exceeds $\pm\delta$ by.
+# This gives the torque that the motor should need; the sensor fits it, harmonic by harmonic, to the
+# measured one, weighs the noise, and says how sure it is. Two numbers of the load are given, $J_l/(N^2
+# J_m)$ and $m g r/J_l$ [1/s²]; stiffness, damping, friction, losses and $\delta$ are fitted, and the two
+# corrected as far as the log says more than what was known of them. *Predict:* how wide is the
+# interval, if gravity is known to 5 % and inertia to 10 %?
 
 # %%
 ratios = joint.ratios(my_joint)
@@ -187,9 +254,14 @@ if by_torque.trace:
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
+def holds_truth(answer, truth_mrad):
+    low, high = 1e3 * np.array(answer.backlash_interval_rad)
+    return low <= truth_mrad <= high
+
+
 if by_torque.backlash_interval_rad:
     low, high = 1e3 * np.array(by_torque.backlash_interval_rad)
-    holds = "holds" if low <= backlash_mrad <= high else "does not hold"
+    holds = "holds" if holds_truth(by_torque, backlash_mrad) else "does not hold"
     finding = (
         f"{by_torque.verdict}, {1e3 * by_torque.backlash_rad:.3f} mrad, whose "
         f"interval of {low:.3f} to {high:.3f} mrad {holds} the true "
@@ -197,9 +269,8 @@ if by_torque.backlash_interval_rad:
     )
     of_gravity = by_torque.joint["gravity_per_s2"][0] / ratios["G/J_l"]
     workbook.say(
-        f"The sensor says: {finding}. Gravity's 5 % alone would make it "
-        f"±{50 * by_torque.backlash_rad:.3f} mrad; stiffness, damping, friction "
-        "and losses are fitted to the same log. Gravity was given as "
+        f"The sensor says: {finding}. The two springs made "
+        f"{1e3 * of_log['delta']:.3f} mrad of this log. Gravity was given as "
         f"{gravity_given:g} times the true one, the fit ends at {of_gravity:.3f} "
         "times."
     )
@@ -227,11 +298,11 @@ print(by_speed)
 # %%
 rubbed = drawn.joint._replace(load_coulomb=1.2 * gravity_nm)
 noise_rps = np.random.default_rng(bench_seed).normal(0, 5, len(log))
-loud = log.assign(**{"speed [rps]": log["speed [rps]"] + noise_rps})
+too_loud = log.assign(**{"speed [rps]": log["speed [rps]"] + noise_rps})
 odd = {
     "without backlash": (log_joint(0.0, 1), load),
     "friction above gravity": (log_joint(backlash_rad, 2, rubbed), load),
-    "noise of 5 rps": (loud, load),
+    "noise of 5 rps": (too_loud, load),
     "a torque of the wrong sign": (log.assign(torque=-log["torque"]), load),
     "half of the gear ratio": (log, load | {"gear_ratio": my_joint.N / 2}),
 }
@@ -247,10 +318,16 @@ refused = [
     name for name, answer in answers.items() if answer.verdict == "cannot tell"
 ]
 answered = [name for name in answers if name not in refused]
+wrong = [
+    name
+    for name in answered
+    if answers[name].backlash_interval_rad
+    and not holds_truth(answers[name], backlash_mrad * (name != "without backlash"))
+]
 workbook.say(
-    f"Answered: {'; '.join(answered) or 'none'}. Refused: "
-    f"{'; '.join(refused) or 'none'}, each for its reason: an answer would be a "
-    "guess."
+    f"Answered: {'; '.join(answered) or 'none'}. Refused, each for its reason: "
+    f"{'; '.join(refused) or 'none'}. Answers that do not hold the truth: "
+    f"{'; '.join(wrong) or 'none'}."
 )
 
 # %% [markdown]
@@ -263,7 +340,8 @@ workbook.verdict(
     f"What the sensor says of the log of {backlash_mrad:g} mrad by the torque: "
     f"{finding}; by the speed alone: no answer ({by_speed.reason}). Of "
     f"{len(answers)} odd logs the sensor refuses {len(refused)}"
-    + (f", and answers: {'; '.join(answered)}." if answered else ".")
+    + (f", and answers: {'; '.join(answered)}" if answered else "")
+    + (f"; the truth is not in: {'; '.join(wrong)}." if wrong else ".")
 )
 
 # %% [markdown]
@@ -310,49 +388,45 @@ workbook.try_changing(
 # committed notebooks.
 
 # %%
-gravity_percent = most_missed_percent = growth = np.nan  # your answers
+inertia_percent = wind_up_mrad = lost_mrad = np.nan  # your answers
 
 # %% [markdown]
-# **1.** The load is a point at the arm $r$, which is given 4 % too short. By how much is the given
-# $m g r/J_l$ too large (`gravity_percent` [%], to 0.1)? Ask the sensor again: by how much does the
-# estimate change?
+# **1.** The load's inertia is given 10 % too small. By how much does the $\delta$ of the two springs
+# change (`inertia_percent` [%], with its sign, to 0.5), on the clean log? Why?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-gravity_percent = 100 * (1 / 0.96 - 1)  # m g r / (m r^2) = g / r
-shorter = load | {"gravity_per_s2": load["gravity_per_s2"] / 0.96}
-again = backlash.estimate(log, **shorter)
-print(f"{gravity_percent:.1f} %; before: {by_torque.summary}; now: {again.summary}")
+of_lighter, *_ = fit_turn(clean, J_l=0.9 * my_joint.J_l)
+inertia_percent = 100 * (of_lighter["delta"] / of_clean["delta"] - 1)
+print(f"{inertia_percent:+.1f} %: the load moves by the torque over its inertia")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(gravity_percent, 100 * 0.04 / 0.96, to=0.1)
+lighter, *_ = fit_turn(clean, J_l=my_joint.J_l / (10 / 9))
+percent = 100 * lighter["delta"] / of_clean["delta"] - 100
+workbook.check_answer(inertia_percent, percent, to=0.5)
 
 # %% [markdown]
-# **2.** A pure sine of 21 Hz is sampled at 84 Hz. How much of its peak can the largest sample miss
-# at most (`most_missed_percent` [%], to 0.5)? And at 500 Hz?
+# **2.** By how much do the teeth and the coupling wind up at the largest $|\tau_l|$ of the clean turn
+# (`wind_up_mrad` [mrad], to 0.02), by the fitted stiffness? Compare it with $\delta$.
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-# Half a sampling period from the peak.
-most_missed_percent = 100 * (1 - np.cos(np.pi * 21 / 84))
-at_500_hz = 100 * (1 - np.cos(np.pi * 21 / 500))
-print(f"{most_missed_percent:.1f} %; at 500 Hz {at_500_hz:.1f} %")
+wind_up_mrad = 1e3 * np.abs(tau_l).max() / of_clean["K_s"]
+print(f"{wind_up_mrad:.2f} mrad, {wind_up_mrad / backlash_mrad:.1f} times delta")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-nearest = np.cos(np.pi / (84 / 21))  # 84 / 21 samples a period
-workbook.check_answer(most_missed_percent, 100 * (1 - nearest), to=0.5)
+most = max(tau_l.max(), -tau_l.min())
+workbook.check_answer(wind_up_mrad, most / (1e-3 * of_clean["K_s"]), to=0.02)
 
 # %% [markdown]
-# **3.** Four tests, 90 days apart, gave 0.50, 0.58, 0.69 and 0.75 mrad. By how much does the line of
-# least squares through them grow (`growth` [mrad a year], to 0.01)?
+# **3.** A data sheet states the lost motion between +2 and -2 N m at the joint. What would it be here
+# (`lost_mrad` [mrad], to 0.02), by the fit to the clean log?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-tests_mrad = [0.50, 0.58, 0.69, 0.75]
-growth = 365.25 * np.polyfit(90 * np.arange(4), tests_mrad, 1)[0]
-print(f"{growth:.2f} mrad a year; the intervals of the tests say how sure that is")
+lost_mrad = 1e3 * (2 * of_clean["delta"] + 4 / of_clean["K_s"])
+print(f"{lost_mrad:.2f} mrad: the play, and the wind-up on both flanks")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-# The slope of four points, each a test apart: the outer pair weighs thrice.
-slope = (3 * (0.75 - 0.50) + (0.69 - 0.58)) / 10  # mrad a test
-workbook.check_answer(growth, slope / 90 * 365.25, to=0.01)
+one_side = of_clean["delta"] + 2 / of_clean["K_s"]
+workbook.check_answer(lost_mrad, 2e3 * one_side, to=0.02)
 
 # %% [markdown]
 # **What you have learnt**: the torque tells when no tooth carries the load, a model of the load makes

@@ -16,9 +16,9 @@ SLIPS = [f"{factor:g} * right" for factor in (-1, 2, 0.5, 100, 0.01, 60, 1 / 60,
 # What a student may answer besides: what is right in another form, and what is not.
 ANSWERS = {
     "00": {
-        "own_percent": (
-            ["off_percent(quiet.amplitude_rps)"],
-            ["off_percent(A) - right", "100 * (A_true / quiet.amplitude_rps - 1)"],
+        "hidden_rps": (
+            ["A_true * 3**0.5", "np.sqrt(12) * A_true / 2"],
+            ["A_true", "A_true / np.sqrt(3)", "3 * A_true"],
         ),
         "forgotten_mrad": (["equation_10(0.01)", "0.0397"], ["equation_10(0.6)"]),
         "missed_percent": (
@@ -64,7 +64,10 @@ ANSWERS = {
         ),
     },
     "06": {
-        "inverse_mrad": (["0.841"], ["1e3 * polynomial(36, printed)", "0.6"]),
+        "inverse_mrad": (
+            ["0.841", "np.array([0.8409])", "[right]"],
+            ["1e3 * polynomial(36, printed)", "0.6"],
+        ),
         "rounding_urad": (["16"], ["2 * 15.2", "0.5e-4 * theoretical[-1] ** 3"]),
         "limit_rps": (
             ["1.1", "np.interp(2e-3, in_rpm, theoretical)"],
@@ -77,12 +80,12 @@ ANSWERS = {
             ["np.sqrt(7)", "np.sqrt(6)"],
         ),
         "mean_step": (
-            ["0.29", "mean_length / np.sqrt(c.mu_eff)"],
+            ["0.29", "mean_length / np.sqrt(c7.mu_eff)"],
             [
-                "np.sqrt(7 / c.mu_eff)",
-                "1 / np.sqrt(c.mu_eff)",
-                "mean_length / c.mu_eff",
-                "mean_length / np.sqrt(c.mu)",
+                "np.sqrt(7 / c7.mu_eff)",
+                "1 / np.sqrt(c7.mu_eff)",
+                "mean_length / c7.mu_eff",
+                "mean_length / np.sqrt(c7.mu)",
             ],
         ),
         "smallest": ([], ["300"]),
@@ -115,14 +118,14 @@ ANSWERS = {
         ),
     },
     "11": {
-        "gravity_percent": (["4.2", "100 / 0.96 - 100"], ["4", "8.5"]),
-        "most_missed_percent": (
-            ["29.3", "100 - 100 / np.sqrt(2)"],
-            ["100 / np.sqrt(2)", "at_500_hz", "100"],
+        "inertia_percent": (["100 * (of_lighter['delta'] - delta) / delta"], ["10", "0"]),
+        "wind_up_mrad": (
+            ["1e3 * abs(in_time(harmonics(clean)[1])).max() / of_clean['K_s']"],
+            ["1e3 * amplitude / my_joint.K_s", "backlash_mrad"],
         ),
-        "growth": (
-            ["0.35", "365 * np.polyfit([0, 90, 180, 270], tests_mrad, 1)[0]", "12 * 0.029"],
-            ["0.25 / 270 * 365", "0.25", "right / 365.25", "4 * 0.25"],
+        "lost_mrad": (
+            ["2e3 * (of_clean['delta'] + 2 / of_clean['K_s'])"],
+            ["2 * backlash_mrad", "backlash_mrad + 4e3 / my_joint.K_s"],
         ),
     },
     "12": {

@@ -331,6 +331,9 @@ def test_an_amplitude_in_noise_alone_is_held_against_a_share_of_the_smallest(A, 
     measured = {"no_backlash": claims.measure_no_backlash(np.full(100, A), 0.26)}
     assert verdicts(measured)["no_backlash"] is holds
     of_ten = {"no_backlash": claims.measure_no_backlash(np.full(10, 0.01), 0.26)}
+    assert "to no end below 72 records);" in claims.write_words(
+        "no_backlash", of_ten["no_backlash"]
+    )
     assert verdicts(of_ten)["no_backlash"] is None  # ten noises cannot tell
 
 

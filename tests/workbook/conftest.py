@@ -33,3 +33,38 @@ def browser():
         browser = running.chromium.launch(executable_path=program, args=["--no-sandbox"])
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def tab(browser):
+    """Open a page by its address; keep what it says on the console and what it asks for outside."""
+    contexts = []
+
+    def opened(address, width=1440, scheme="light"):
+        size = {"width": width, "height": 900}
+        contexts.append(browser.new_context(viewport=size, color_scheme=scheme))
+        page = contexts[-1].new_page()
+        page.complaints, page.outside = [], []
+        page.on("console", lambda line: page.complaints.append(line.text))
+        page.on("pageerror", lambda error: page.complaints.append(str(error)))
+        page.on("request", lambda asked: page.outside.append(asked.url))
+        page.goto(address)
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture
+def barriers():
+    """Return the accessibility rules that a page breaks, and where."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+
+    def found(page):
+        # Without preload axe does not read style sheets anew, which a page of a file may not.
+        rules = {"runOnly": ["wcag2a", "wcag2aa", "wcag21aa"], "preload": False}
+        violations = axe.Axe().run(page, options=rules).response["violations"]
+        return [(each["id"], each["nodes"][0]["target"]) for each in violations]
+
+    return found

@@ -235,3 +235,24 @@ def test_a_notebook_s_outcome_in_the_place_of_another_s_is_refused(judge, tmp_pa
     shutil.copy(outcomes / "04_growth_figure11.json", outcomes / "05_signature_figure6.json")
     with pytest.raises(UserError, match=r"exported by two notebooks, 04_growth_figure11 and 05_"):
         judge(tmp_path)
+
+
+def test_numbers_and_sentences_are_shown_in_two_tables_without_ids_and_with_one_digit_more():
+    numbers = {
+        "table2.row01.mean": ["0.2641", "0.25333", "0.2461", "0.27", "0.25333", "agrees"],
+        "text.turns": ["12", "12", "", "", "12", "agrees"],
+        "equation10.rmse": ["8.6983e-10", "5.935e-06", "", "", "5.935e-06", "differs"],
+    }
+    claims = {"local_minima": ["", "80 % of the runs", "", "", "80 % of the runs", "undecided"]}
+    columns = ["printed", "ours", "low", "high", "committed", "verdict"]
+    table = pd.DataFrame.from_dict(numbers | claims, orient="index", columns=columns)
+    shown, sentences = judging.split_table(table)
+    assert [*shown.index] == ["Table 2, row 1, mean", "Text, turns", "Equation 10, rmse"]
+    assert [*shown["ours"]] == ["0.25333", "12.0", "5.935e-06"]
+    assert [*shown["low"]] == ["0.24610", "", ""]
+    assert sentences.loc["local minima"].to_dict() == {
+        "measured": "80 % of the runs",
+        "verdict": "undecided",
+    }
+    (alone,) = judging.split_table(table[:1])
+    assert len(alone) == 1

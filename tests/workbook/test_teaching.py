@@ -17,6 +17,14 @@ from workbook.teaching import reading_minutes
         ([0, 1], [0, 1], 0.1, "right"),
         ([0, 1], 1, 0.1, "not yet"),
         (3, lambda n: n > 2, 0.1, "right"),
+        (np.array([1.05]), 1, 0.1, "right"),
+        ([12], 12, 0, "right"),
+        ((3,), lambda n: n > 2, 0.1, "right"),
+        (np.array([[1.2]]), 1, 0.1, "not yet"),
+        (np.roots([1, -1, -2]).astype(complex)[0], 2, 0.1, "right"),
+        (1 + 1j, 1, 0.1, "not yet: (1+1j) is not a number"),
+        ([1, 1], 1, 0.1, "not yet"),
+        (1, [1, 1], 0.1, "not yet"),
         (12, 12, 0, "right"),
         (12.0, 12, 0, "right"),
         (11, 12, 0, "not yet"),
@@ -49,18 +57,31 @@ workbook.show(figure, "three words more")
 
 # %%
 visible = 1
-also = 2
+visible
 
 # %% tags=["solution"]
 unread = 1
 """
 
 
-def test_the_reading_time_counts_words_visible_code_equations_and_figures(tmp_path, monkeypatch):
+def test_the_reading_time_counts_words_code_equations_figures_and_tables(tmp_path, monkeypatch):
     (tmp_path / "small.py").write_text(SOURCE, "utf-8")
     monkeypatch.setattr(teaching, "notebook_sources", lambda: {"small": tmp_path / "small.py"})
     words = 3  # with the title's mark
-    assert reading_minutes("small") == pytest.approx(words / 150 + 2 / 12 + 1 + 0.5)
+    assert reading_minutes("small") == pytest.approx(words / 150 + 2 / 12 + 1 + 0.5 + 0.5)
+
+
+def test_a_path_says_how_long_its_notebooks_and_exercises_take(tmp_path, monkeypatch):
+    (tmp_path / "small.py").write_text(SOURCE, "utf-8")
+    sources = dict.fromkeys(("one", "two"), tmp_path / "small.py")
+    monkeypatch.setattr(teaching, "notebook_sources", lambda: sources)
+    monkeypatch.setattr(teaching, "reading_minutes", lambda name: 33)
+    said = []
+    monkeypatch.setattr(teaching, "say", said.append)
+    teaching.say_path("one", "two")
+    assert said == [
+        "*The path in all: 1.1 h to read, and 0.2 h for its 2 exercises, if one takes 5 min.*"
+    ]
 
 
 def test_a_head_says_the_measured_time_and_none_where_none_was_measured(monkeypatch):
