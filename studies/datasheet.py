@@ -42,6 +42,10 @@ FAULTS = {
         (Reason.NOT_PERIODIC,),
     ),
     "torque a mean over 25 ms": (Fault(torque_mean_s=0.025), (Reason.NO_FIT,)),
+    "speed and torque means over 16 ms": (
+        Fault(torque_mean_s=0.016, speed_mean_s=0.016),
+        (Reason.AMBIGUOUS, Reason.NO_FIT),
+    ),
     "each value held for 4 samples": (Fault(held=4), (Reason.TOO_SLOWLY_SAMPLED,)),
     "teeth soft to 0.4 over 0.3 mrad": (Fault(soft_share=0.4, soft_rad=3e-4), (Reason.NO_FIT,)),
     "teeth soft to 0.6 over 0.2 mrad": (Fault(soft_share=0.6, soft_rad=2e-4), (Reason.NO_FIT,)),

@@ -39,6 +39,7 @@ class Fault(NamedTuple):
     drag: float = 0.0  # share of the damping that acts in the gap, too
     held: int = 1  # samples over which each logged value stands
     torque_mean_s: float = 0.0  # over which the log's torque is a running mean
+    speed_mean_s: float = 0.0
 
 
 class DrivenJoint(NamedTuple):
@@ -235,17 +236,21 @@ def draw_turns(
     return log_turns(rng, joint, gear_ratio, fault, seen)
 
 
+def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
+    """The mean of a signal of each control period over the last ones."""
+    periods = max(round(lasts_s / CONTROL_S), 1)
+    padded = np.pad(signal, (periods - 1, 0), "edge")
+    return np.convolve(padded, np.full(periods, 1 / periods), "valid")
+
+
 def log_turns(
     rng: Generator, joint: DrivenJoint, gear_ratio: float, fault: Fault, seen: FloatArray
 ) -> JointLog:
     """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
-    v = seen[late::every, 0]
-    periods = max(round(fault.torque_mean_s / CONTROL_S), 1)
-    padded = np.pad(seen[:, 1], (periods - 1, 0), "edge")
-    mean = np.convolve(padded, np.full(periods, 1 / periods), "valid")
-    torque = mean[: len(seen) - late : every]
+    v = running_mean(seen[:, 0], fault.speed_mean_s)[late::every]
+    torque = running_mean(seen[:, 1], fault.torque_mean_s)[: len(seen) - late : every]
     v_noise = rng.uniform(0, 0.002) * joint.speed
     torque_noise = rng.uniform(0.002, 0.01) * joint.gravity
     v = v + v_noise * rng.standard_normal(v.size)

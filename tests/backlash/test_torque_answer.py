@@ -135,6 +135,14 @@ LACKING = {
     ),
     "a clock that wanders": (wandering, Reason.NOT_PERIODIC, "from turn to turn"),
     "a late torque": (lambda log: drawn_with(late_torque_s=0.01), Reason.NO_FIT, "ms too late"),
+    "speed and torque that are means": (
+        lambda log: draw_turns(
+            *(np.random.default_rng((41, 2)), DELTA, 0.1, 0.05),
+            fault=Fault(torque_mean_s=0.016, speed_mean_s=0.016),
+        ),
+        Reason.AMBIGUOUS,
+        "if speed and torque are means over some 16 ms, 1.1 mrad",
+    ),
     "friction and losses above gravity": (
         lambda log: draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15),
         Reason.NO_REVERSAL,

@@ -64,6 +64,7 @@ def decide(monkeypatch):
             "refuse_averaged": None,
             "_check_joint": None,
             "_check_speed": None,
+            "_refuse_mean": None,
             "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
         },
         **{"_quantities": {}, "_model_torque": None},
