@@ -8,25 +8,23 @@ from scipy.special import ndtr
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import differentiate
-from backlash.torque.problem import SETTINGS as COMPARISON
-from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
-from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
-from backlash.torque.unknowns import (
+from backlash.torque.load import (
     DELAY,
     DELTA,
     FILTER,
     GRAVITY,
     INERTIA,
-    IS_LOGARITHM,
     LOSS,
-    NAMES,
     RATIO,
     SHARE,
     SOFT,
     STIFFNESS,
-    TABLE,
+    differentiate,
 )
+from backlash.torque.problem import SETTINGS as COMPARISON
+from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
+from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
+from backlash.torque.unknowns import IS_LOGARITHM, NAMES, TABLE
 from backlash.turns import (
     TURN,
     Harmonics,
