@@ -69,6 +69,17 @@ class DrivenJoint(NamedTuple):
     resolution_rad: float
 
 
+class Ranges(NamedTuple):
+    """What the turn, the gear and the ring of a joint are drawn from."""
+
+    turns_s: tuple[float, float] = (0.5, 2.5)
+    gear_ratios: tuple[float, ...] = (50, 80, 100, 101, 121, 160)
+    rings_hz: tuple[float, float] = (12.0, 50.0)
+
+
+ORDINARY = Ranges()
+
+
 class JointLog(NamedTuple):
     """Time [s], motor speed [rps] and torque in an own unit; a joint's gear ratio, J_l / (N^2 J_m) and m g r / J_l."""
 
@@ -163,10 +174,16 @@ def draw_log_uniform(rng: Generator, low: float, high: float) -> float:
 
 
 def draw_joint(
-    rng: Generator, delta_rad: float, speed: float, gear_ratio: float, friction: float, loss: float
+    rng: Generator,
+    delta_rad: float,
+    speed: float,
+    gear_ratio: float,
+    friction: float,
+    loss: float,
+    rings_hz: tuple[float, float] = ORDINARY.rings_hz,
 ) -> DrivenJoint:
     """Draw a joint whose drive is tuned to it; friction is the load's, over gravity."""
-    ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
+    ring = TURN * draw_log_uniform(rng, *rings_hz)
     gravity = GRAVITY_MS2 / rng.uniform(0.15, 0.5)
     ratio = draw_log_uniform(rng, 0.5, 5.0)
     bandwidth = TURN * rng.uniform(12.0, 45.0)
@@ -224,12 +241,13 @@ def draw_turns(
     friction: float = 0.03,
     loss: float = 0.0,
     fault: Fault = Fault(),  # noqa: B008
+    ranges: Ranges = ORDINARY,
 ) -> JointLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
-        speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
-        gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss)
+        speed = TURN / draw_log_uniform(rng, *ranges.turns_s)
+        gear_ratio = float(rng.choice(ranges.gear_ratios))
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss, ranges.rings_hz)
         seen = run_turns(joint, fault)
         if np.abs(seen[:, 0] / joint.speed - 1).max() < _LARGEST:
             break
