@@ -39,6 +39,7 @@ class Fault(NamedTuple):
     drag: float = 0.0  # share of the damping that acts in the gap, too
     held: int = 1  # samples over which each logged value stands
     torque_mean_s: float = 0.0  # over which the log's torque is a running mean
+    speed_mean_s: float = 0.0
 
 
 class DrivenJoint(NamedTuple):
@@ -66,6 +67,17 @@ class DrivenJoint(NamedTuple):
     current_lag_s: float
     speed_filter_s: float
     resolution_rad: float
+
+
+class Ranges(NamedTuple):
+    """What the turn, the gear and the ring of a joint are drawn from."""
+
+    turns_s: tuple[float, float] = (0.5, 2.5)
+    gear_ratios: tuple[float, ...] = (50, 80, 100, 101, 121, 160)
+    rings_hz: tuple[float, float] = (12.0, 50.0)
+
+
+ORDINARY = Ranges()
 
 
 class JointLog(NamedTuple):
@@ -162,10 +174,16 @@ def draw_log_uniform(rng: Generator, low: float, high: float) -> float:
 
 
 def draw_joint(
-    rng: Generator, delta_rad: float, speed: float, gear_ratio: float, friction: float, loss: float
+    rng: Generator,
+    delta_rad: float,
+    speed: float,
+    gear_ratio: float,
+    friction: float,
+    loss: float,
+    rings_hz: tuple[float, float] = ORDINARY.rings_hz,
 ) -> DrivenJoint:
     """Draw a joint whose drive is tuned to it; friction is the load's, over gravity."""
-    ring = TURN * draw_log_uniform(rng, 12.0, 50.0)
+    ring = TURN * draw_log_uniform(rng, *rings_hz)
     gravity = GRAVITY_MS2 / rng.uniform(0.15, 0.5)
     ratio = draw_log_uniform(rng, 0.5, 5.0)
     bandwidth = TURN * rng.uniform(12.0, 45.0)
@@ -223,16 +241,24 @@ def draw_turns(
     friction: float = 0.03,
     loss: float = 0.0,
     fault: Fault = Fault(),  # noqa: B008
+    ranges: Ranges = ORDINARY,
 ) -> JointLog:
     """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
-        speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
-        gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss)
+        speed = TURN / draw_log_uniform(rng, *ranges.turns_s)
+        gear_ratio = float(rng.choice(ranges.gear_ratios))
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss, ranges.rings_hz)
         seen = run_turns(joint, fault)
         if np.abs(seen[:, 0] / joint.speed - 1).max() < _LARGEST:
             break
     return log_turns(rng, joint, gear_ratio, fault, seen)
+
+
+def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
+    """The mean of a signal of each control period over the last ones."""
+    periods = max(round(lasts_s / CONTROL_S), 1)
+    padded = np.pad(signal, (periods - 1, 0), "edge")
+    return np.convolve(padded, np.full(periods, 1 / periods), "valid")
 
 
 def log_turns(
@@ -241,11 +267,8 @@ def log_turns(
     """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
-    v = seen[late::every, 0]
-    periods = max(round(fault.torque_mean_s / CONTROL_S), 1)
-    padded = np.pad(seen[:, 1], (periods - 1, 0), "edge")
-    mean = np.convolve(padded, np.full(periods, 1 / periods), "valid")
-    torque = mean[: len(seen) - late : every]
+    v = running_mean(seen[:, 0], fault.speed_mean_s)[late::every]
+    torque = running_mean(seen[:, 1], fault.torque_mean_s)[: len(seen) - late : every]
     v_noise = rng.uniform(0, 0.002) * joint.speed
     torque_noise = rng.uniform(0.002, 0.01) * joint.gravity
     v = v + v_noise * rng.standard_normal(v.size)

@@ -8,25 +8,26 @@ from scipy.special import ndtr
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import differentiate
-from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
-from backlash.torque.search import SETTINGS, Candidate, hold_delta, search
-from backlash.torque.unknowns import (
+from backlash.torque.load import (
     DELAY,
     DELTA,
     FILTER,
     GRAVITY,
     INERTIA,
-    IS_LOGARITHM,
     LOSS,
-    NAMES,
     RATIO,
     SHARE,
     SOFT,
     STIFFNESS,
-    TABLE,
+    differentiate,
 )
+from backlash.torque.problem import SETTINGS as COMPARISON
+from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
+from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
+from backlash.torque.unknowns import IS_LOGARITHM, NAMES, TABLE
 from backlash.turns import (
+    TURN,
+    Harmonics,
     end_by_gravity,
     gravity_by_turn,
     odd_against_even,
@@ -79,6 +80,11 @@ class AnswerLimits:
     # Harmonics of the speed beyond four SDs: without them nothing but what was given of the load tells the gap's scale.
     least_lines: int = 2
     line_sds: float = 4.0
+    # Running means of speed and torque that are tried, for all from 11 to 20 ms; below which gain they are not undone,
+    # and chi squared by which one may fit less.
+    means_s: tuple[float, ...] = (0.012, 0.016)
+    least_gain: float = 0.2
+    rival_mean: float = 6.0
     negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
 
 
@@ -130,6 +136,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     if hold_delta(problem, best, 1e3 * excluded_rad, clear).chi2 < clear:
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
+    for mean_s in LIMITS.means_s:
+        _refuse_mean(turn, load, mean_s, best, interval)
     return TorqueFit(
         delta_rad=0.0 if is_none else best.delta_rad,
         interval_rad=interval,
@@ -286,13 +294,53 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
         return
     at = first + int(pairs.argmin())
     others = np.abs(np.delete(correlation, slice(max(at - 1, 0), at + 3))[2:])
-    if others.max(initial=0.0) < 0.5 * -pairs.min():
+    if others.max(initial=0.0) < 0.3 * -pairs.min():
         window_ms = 1e3 * sample_s * (at + correlation[at + 1] / pairs.min())
         raise Refusal(
             f"the torque is a running mean over {window_ms:.0f} ms, which hides what the teeth do; log it as the drive "
             "measures it, or filtered by 3 ms at most",
             Reason.NO_FIT,
         )
+
+
+def _refuse_mean(
+    turn: MeasuredTurn,
+    load: LoadData,
+    mean_s: float,
+    best: Candidate,
+    interval: tuple[float, float],
+) -> None:
+    """Refuse where another backlash fits nearly as well, had speed and torque gone through a running mean.
+
+    That leaves what is linear as it is, and only makes the gap smaller. It is undone up to where little is left.
+    """
+    gain = np.sinc(turn.speed.omega * mean_s / TURN)
+    is_left = np.cumprod(gain > LIMITS.least_gain) > 0
+    gain[~is_left] = np.inf
+    left = turn._replace(used=turn.used & is_left)
+    undone = left._replace(
+        speed=_amplify(turn.speed, 1 / gain), torque=_amplify(turn.torque, 1 / gain)
+    )
+    if left.used.sum() < COMPARISON.least_harmonics:
+        return
+    own, other = (_descend_from(each, load, best) for each in (left, undone))
+    fits = other.chi2 < own.chi2 + LIMITS.rival_mean
+    if fits and not interval[0] <= other.delta_rad <= interval[1]:
+        raise Refusal(
+            f"if speed and torque are means over some {1e3 * mean_s:.0f} ms, {1e3 * other.delta_rad:.2g} mrad fits as "
+            f"well as {1e3 * best.delta_rad:.2g} mrad; log what the drive measures, not what it averages",
+            Reason.AMBIGUOUS,
+        )
+
+
+def _amplify(signal: Harmonics, gain: FloatArray) -> Harmonics:
+    return signal._replace(coefficient=gain * signal.coefficient, sd=gain * signal.sd)
+
+
+def _descend_from(turn: MeasuredTurn, load: LoadData, best: Candidate) -> Candidate:
+    """The joint of a turn near another turn's."""
+    problem = state_problem(turn, load)
+    return descend(problem, evaluate(problem, best.theta), 1e-4)
 
 
 def _check_speed(problem: Problem) -> None:

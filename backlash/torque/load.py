@@ -28,27 +28,14 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.ndimage import uniform_filter1d
 
-from backlash.torque.unknowns import (
-    DAMPING,
-    DELAY,
-    DELTA,
-    DRAG,
-    FILTER,
-    FRICTION,
-    GRAVITY,
-    INERTIA,
-    LAG,
-    LOSS,
-    OF_CONTACT,
-    PHASE,
-    RATIO,
-    SHARE,
-    SOFT,
-    STIFFNESS,
-)
 from backlash.turns import TURN, ComplexArray, Harmonics
 from replication.compilation import njit
 from replication.signature import FloatArray
+
+# Places in `unknowns.TABLE`; they stand here because compiled code that is cached keeps another file's constants.
+DELTA, STIFFNESS, DAMPING, SOFT, SHARE, DRAG, FRICTION, PHASE, GRAVITY, LAG = range(10)
+RATIO, INERTIA, DELAY, LOSS, FILTER = range(10, 15)
+OF_CONTACT = 10  # unknowns that the contact torque of a turn depends on
 
 # From rest, unless a turn ends nearer to where it began: Newton's method alone may find an orbit that no load keeps to.
 _SETTLING_TURNS = 10

@@ -10,8 +10,7 @@ from scipy.ndimage import maximum_filter
 
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import Comparison, compare
-from backlash.torque.unknowns import (
+from backlash.torque.load import (
     FRICTION,
     GRAVITY,
     INERTIA,
@@ -20,8 +19,10 @@ from backlash.torque.unknowns import (
     SHARE,
     SOFT,
     STIFFNESS,
-    TABLE,
+    Comparison,
+    compare,
 )
+from backlash.torque.unknowns import TABLE
 from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics, round_to, settled_turns
 from replication.records import Recording
 from replication.signature import FloatArray

@@ -11,22 +11,25 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from backlash.refusals import Reason, Refusal
-from backlash.torque.load import Prediction, differentiate, predict, torque_residuals
-from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
-from backlash.torque.unknowns import (
+from backlash.torque.load import (
     DAMPING,
     DELAY,
     DELTA,
     DRAG,
     FILTER,
-    FIRST_STEP,
     FRICTION,
     LAG,
     OF_CONTACT,
     SHARE,
     SOFT,
     STIFFNESS,
+    Prediction,
+    differentiate,
+    predict,
+    torque_residuals,
 )
+from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
+from backlash.torque.unknowns import FIRST_STEP
 from backlash.turns import TURN
 from replication.signature import FloatArray
 

@@ -90,8 +90,5 @@ TABLE = (
 )
 
 NAMES = tuple(each.name for each in TABLE)
-DELTA, STIFFNESS, DAMPING, SOFT, SHARE, DRAG, FRICTION, PHASE, GRAVITY, LAG = range(10)
-RATIO, INERTIA, DELAY, LOSS, FILTER = range(10, 15)
-OF_CONTACT = 10  # unknowns that the contact torque of a turn depends on
 FIRST_STEP = np.array([each.first_step for each in TABLE])
 IS_LOGARITHM = np.array([name.startswith("ln_") for name in NAMES])

@@ -1,5 +1,8 @@
 """The load that the motor's motion drives: its slopes, its gap and the gear's loss."""
 
+import ast
+import importlib
+import inspect
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,24 +12,23 @@ from scipy.integrate import solve_ivp
 from backlash import turns
 from backlash.load_data import LoadData
 from backlash.torque import load as driven_load
-from backlash.torque.problem import measure_turn, state_problem
-from backlash.torque.search import descend, evaluate, hold_delta
-from backlash.torque.unknowns import (
+from backlash.torque.load import (
     DELAY,
     DELTA,
     DRAG,
     FILTER,
-    FIRST_STEP,
     FRICTION,
     GRAVITY,
     LAG,
     LOSS,
-    NAMES,
     OF_CONTACT,
     PHASE,
     SOFT,
     STIFFNESS,
 )
+from backlash.torque.problem import measure_turn, state_problem
+from backlash.torque.search import descend, evaluate, hold_delta
+from backlash.torque.unknowns import FIRST_STEP, NAMES
 from replication.records import Recording
 from studies.simulated_joints import draw_turns
 
@@ -277,3 +279,33 @@ def test_half_a_step_has_a_third_of_the_error_or_less():
     changes = np.abs(np.diff(torques, axis=0)).max(axis=1)
     assert changes[0] < 0.01 * np.abs(torques[0]).max()
     assert (changes[1:] < changes[:-1] / 3).all()
+
+
+COMPILED = ["backlash.torque.load", "studies.simulated_joints", "studies.engine"]
+COMPILED += [f"replication.{name}" for name in ("cmaes", "joint", "misfit")]
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_compiled_code_that_is_cached_holds_no_other_files_constants(name):
+    """The cache is renewed when the function's own file changes, and no other."""
+    module = importlib.import_module(name)
+    own = {
+        place.id
+        for line in ast.parse(inspect.getsource(module)).body
+        for place in ast.walk(line)
+        if isinstance(place, ast.Name) and isinstance(place.ctx, ast.Store)
+    }
+    functions = [each.py_func for each in vars(module).values() if hasattr(each, "py_func")]
+    functions = [each for each in functions if each.__module__ == name]
+    assert functions
+    for each in functions:
+        for read in each.__code__.co_names:
+            value = each.__globals__.get(read)
+            is_own = read in own or getattr(value, "__module__", None) == name
+            assert value is None or inspect.ismodule(value) or is_own, (each.__name__, read)
+
+
+def test_each_place_is_that_of_the_unknown_in_the_table():
+    for name, place in vars(driven_load).items():
+        if name.isupper() and isinstance(place, int) and not name.startswith(("_", "OF_")):
+            assert name.lower() in NAMES[place]

@@ -9,6 +9,18 @@ from scipy.stats import norm
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque import answer as rules
+from backlash.torque.load import (
+    DELAY,
+    DELTA,
+    FILTER,
+    FRICTION,
+    GRAVITY,
+    LOSS,
+    RATIO,
+    SHARE,
+    SOFT,
+    STIFFNESS,
+)
 from backlash.torque.problem import (
     MeasuredTurn,
     Prior,
@@ -21,19 +33,7 @@ from backlash.torque.problem import (
     wind_up_share,
 )
 from backlash.torque.search import Candidate, Move, distinct, move
-from backlash.torque.unknowns import (
-    DELAY,
-    DELTA,
-    FILTER,
-    FRICTION,
-    GRAVITY,
-    LOSS,
-    NAMES,
-    RATIO,
-    SHARE,
-    SOFT,
-    STIFFNESS,
-)
+from backlash.torque.unknowns import NAMES
 from backlash.turns import Harmonics
 from replication.records import Recording
 from tests.logs import refused_for
@@ -63,6 +63,7 @@ def decide(monkeypatch):
         "refuse_averaged": None,
         "_check_joint": None,
         "_check_speed": None,
+        "_refuse_mean": None,
         "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
         "_quantities": {},
         "_model_torque": None,
