@@ -105,7 +105,7 @@ def test_an_input_is_never_overwritten(log, capsys):
     notes = log.with_name("notes.csv")
     notes.write_text("mine")
     assert command("estimate", log, SPEED, "--out", notes) == 2
-    assert "not of this command" in capsys.readouterr().err
+    assert "not what this command writes" in capsys.readouterr().err
     notes.rename(notes.with_name("answers.csv.kept"))
     assert command("estimate", log, SPEED, "--out", log.with_name("answers.csv")) == 2
     assert "holds no answers of a run before" in capsys.readouterr().err
