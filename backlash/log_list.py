@@ -140,14 +140,15 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
     Refusal
         A cell is not what its column holds.
     """
-    options = {
+    if not pd.isna(beyond := row.get(BEYOND)):
+        raise Refusal(f"{beyond[:40]!r} stands beyond the header's columns; a decimal comma?")
+    if not (row.get("is_dated", True) or pd.isna(row["date"])):
+        raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
+    return {
         name: _value(name, cell)
         for name, cell in row.items()
-        if name in (*GIVEN, BEYOND) and not pd.isna(cell)
+        if name in GIVEN and not pd.isna(cell)
     }
-    if not row.get("is_dated", True) and not pd.isna(row["date"]):
-        raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
-    return options
 
 
 def _text(cell: Any) -> str:
@@ -156,8 +157,6 @@ def _text(cell: Any) -> str:
 
 def _value(name: str, cell: Any) -> Any:
     """A cell as text, number, or yes and no, by its column's name."""
-    if name == BEYOND:
-        raise Refusal(f"{str(cell)[:40]!r} stands beyond the header's columns; is it of a decimal comma?")
     if name in _TEXTS:
         return _text(cell)
     wanted = "no number"

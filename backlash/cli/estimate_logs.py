@@ -55,7 +55,7 @@ def _is_ours(path: Path) -> bool:
         return False
     joint = {each.printed: (0.0, 0.0) for each in TABLE if each.printed}
     ours = as_table([Estimate("", joint=joint)], pd.DataFrame(columns=KEYS, index=[0]))
-    is_ours = "version" in table and {*table} <= {*ours}
+    is_ours = {"verdict", "version"} <= {*table} <= {*ours}
     return is_ours and bool(table["verdict"].isin((BACKLASH, NONE, CANNOT_TELL)).all())
 
 

@@ -172,11 +172,14 @@ def test_a_commanded_speed_checks_and_changes_nothing(given):
 GERMAN = "Zeit [ms];Drehzahl [1/min];Moment\n"
 
 
-def test_points_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_small(tmp_path):
-    rows = [f"{2 * k};{int(60 * v) // 1000}.{int(60 * v) % 1000:03d};1,5" for k, v in enumerate(V)]
-    path = file(tmp_path, GERMAN + "\n".join(rows).replace(",", "."))
+@pytest.mark.parametrize("mark", ".,")
+def test_marks_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_small(
+    mark, tmp_path
+):
+    rows = [f"{2 * k};{int(60 * v) // 1000}.{int(60 * v) % 1000:03d};1.5" for k, v in enumerate(V)]
+    path = file(tmp_path, GERMAN + "\n".join(rows).replace(".", mark))
     options = LogOptions(gear_ratio=40.0, torque="Moment")
-    assert "may be 6" in refusal(path, options)
+    assert f"6{mark}004 may be 6004, with a mark of thousands" in refusal(path, options)
     mixed = [f"{2 * k};6000;{'1.024' if k % 3 else '987'}" for k in range(2401)]
     sentence = refusal(file(tmp_path, GERMAN + "\n".join(mixed)), options)
     assert "Moment: '1.024' beside '987' is 1024 by its mark of thousands" in sentence
