@@ -100,8 +100,8 @@ def read_rows(source: TableOfLogs) -> pd.DataFrame:
     table = table.reset_index(drop=table.index.names == [None])
     if "file" not in table:
         raise Refusal(f"no column 'file'; there are {listed(table.columns)}")
-    if table.empty:
-        raise Refusal("no rows")
+    if table.empty or not table.columns.is_unique:
+        raise Refusal("no rows" if table.empty else "two of its columns have one name; rename one")
     if len(table) > LIMITS.most_logs:
         raise Refusal(f"{len(table):,} logs, more than {LIMITS.most_logs:,}; split the table")
     return table
@@ -116,9 +116,11 @@ def _read_file(name: str) -> pd.DataFrame:
     check_size(text.count("\n"), len(first))
     delimiter = next((mark for mark in ",;\t" if mark in first), ",")
     header, *rows = csv.reader(io.StringIO(text), delimiter=delimiter)
-    width = len(header)
-    cells = [[*row[:width], *[""] * (width - len(row)), delimiter.join(row[width:])] for row in rows if any(row)]
-    return pd.DataFrame(cells, columns=[*header, BEYOND], dtype=str).replace("", None)
+    names = [name or str(k) for k, name in enumerate(header)]
+    width = len(names)
+    filled = [row + [""] * (width - len(row)) for row in rows if any(row)]
+    cells = [[*row[:width], delimiter.join(row[width:])] for row in filled]
+    return pd.DataFrame(cells, columns=[*names, BEYOND], dtype=str).replace("", None)
 
 
 def keys_of(table: pd.DataFrame) -> pd.DataFrame:
@@ -138,14 +140,15 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
     Refusal
         A cell is not what its column holds.
     """
-    options = {
+    if not pd.isna(beyond := row.get(BEYOND)):
+        raise Refusal(f"{beyond[:40]!r} stands beyond the header's columns; a decimal comma?")
+    if not (row.get("is_dated", True) or pd.isna(row["date"])):
+        raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
+    return {
         name: _value(name, cell)
         for name, cell in row.items()
-        if name in (*GIVEN, BEYOND) and not pd.isna(cell)
+        if name in GIVEN and not pd.isna(cell)
     }
-    if not row.get("is_dated", True) and not pd.isna(row["date"]):
-        raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
-    return options
 
 
 def _text(cell: Any) -> str:
@@ -154,8 +157,6 @@ def _text(cell: Any) -> str:
 
 def _value(name: str, cell: Any) -> Any:
     """A cell as text, number, or yes and no, by its column's name."""
-    if name == BEYOND:
-        raise Refusal(f"{str(cell)[:40]!r} stands beyond the header's columns; is it of a decimal comma?")
     if name in _TEXTS:
         return _text(cell)
     wanted = "no number"

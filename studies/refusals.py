@@ -51,6 +51,7 @@ def run_from_rest(rng: Generator) -> tuple[DataFrame, LogOptions, int]:
     frame = DataFrame({"time": CONTROL_S * np.arange(v.size), "speed": v})
     frame["position"] = v.cumsum() * CONTROL_S
     frame["torque"] = np.pad(seen[:, 1], (rest, 0), "edge") / joint.gravity
+    frame.attrs["joint"] = joint
     return frame, LogOptions(gear_ratio=gear_ratio, torque="torque"), rest + 2 * periods
 
 

@@ -20,7 +20,6 @@ from backlash.refusals import Refusal, library
 from backlash.torque.unknowns import TABLE
 from replication.files import write_bytes, write_csv
 
-_QUANTITIES = tuple(each.printed for each in TABLE if each.printed)
 _FIGURES = (".png", ".svg", ".pdf")
 
 
@@ -54,11 +53,9 @@ def _is_ours(path: Path) -> bool:
         table = read(path)
     except Exception:  # of whatever stands there
         return False
-    least, most = (
-        {*as_table([Estimate("", joint=joint)], pd.DataFrame(index=[0]))}
-        for joint in (None, dict.fromkeys(_QUANTITIES, (0.0, 0.0)))
-    )
-    is_ours = least <= {*table} <= {*most, *KEYS}
+    joint = {each.printed: (0.0, 0.0) for each in TABLE if each.printed}
+    ours = as_table([Estimate("", joint=joint)], pd.DataFrame(columns=KEYS, index=[0]))
+    is_ours = {"verdict", "version"} <= {*table} <= {*ours}
     return is_ours and bool(table["verdict"].isin((BACKLASH, NONE, CANNOT_TELL)).all())
 
 

@@ -24,7 +24,7 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
         parts = values.astype(str).str.extract(f"^{TIME_OF_DAY.pattern}$")
         if parts["clock"].notna().mean() > 0.5:
             return _times_of_day(parts, column), "time of day"
-    stamps = numeric_column(table, column, is_time=True)
+    stamps = numeric_column(table, column)
     # Stamps that do not say it are those of a clock since 1970, else seconds.
     low, high = LIMITS.since_1970_s
     since_1970 = (unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamps[0] < high)

@@ -1,5 +1,6 @@
 """Prepare: from the table of a log to a record of turns at constant speed, in steps that each do one thing."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,7 +56,8 @@ def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
         return samples.suspects[0].refusal()
     cell = table.doubtful.get(samples.columns.signal)
     if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
-        refusal.add(f"{cell} may be {cell.replace('.', '')}, its point a mark of thousands")
+        whole = re.sub("[.,]", "", cell)
+        refusal.add(f"{cell} may be {whole}, with a mark of thousands")
     if refusal.is_unusable:
         refusal.add_sheet(table.sheet)
     return refusal

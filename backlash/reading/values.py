@@ -64,12 +64,12 @@ def mark_frozen(samples: Samples) -> Samples:
     """Suspect values that stand too long: a frozen signal, or a stand-in for what is missing."""
     for name, signal in samples.named_signals():
         starts, lengths, values = runs_of(signal)
-        jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
         # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
         by_length = np.sort(lengths)
         beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
         apart = lengths[(lengths >= LIMITS.least_frozen) & (beneath < LIMITS.least_beneath)]
         # A coarse signal that turns slowly goes on by one step.
+        jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
         leap = np.maximum(jumps[:-1], jumps[1:])
         is_leap = leap >= LIMITS.least_leap * finest_step(signal)
         # At a limit a signal is clipped, unless it gets there at once.

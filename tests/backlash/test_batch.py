@@ -21,13 +21,15 @@ HOW = {"turn_period_s": 0.4}
 CSV = (
     "file,joint,date,turn_period_s,torque,trust_period,remark\n"
     "a.csv,007,2024-03-17,0.4,3,no,left arm\n,=1+1,,?,,,\nc.csv,,2024-13-45,,,,\nd.csv,,,0.4,,maybe,\n"
+    "e.csv,,17.03.2024,,,,\nf.csv,,March 17 2024,,,,\n"
 )
-
-
+LONGER = ",,,,,,\na.csv,A,,0,4,3,no,left arm\n"  # 0.4 with a decimal comma
 BAD_CELLS = (
     "turn_period_s is '?', no number",
     "date is '2024-13-45', no date like",
     "trust_period is 'maybe', neither yes nor no",
+    "date is '17.03.2024', no date like 2024-03-17",
+    "date is 'March 17 2024', no date like 2024-03-17",
 )
 
 
@@ -53,7 +55,8 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
     if kind == "parquet":
         pd.read_csv(file(tmp_path, CSV), dtype=str).to_parquet(path)
     else:
-        text = CSV.replace(",", ";") if kind == "semicolons" else CSV
+        text = CSV + LONGER
+        text = text.replace(",", ";") if kind == "semicolons" else text
         path.write_text(text, "utf-16" if kind == "utf-16" else "utf-8")
     read = read_batch(path, {"inertia_ratio": 2.0, "gravity_per_s2": 30.0})
     assert read.keys["joint"].tolist()[:2] == ["007", "=1+1"]
@@ -61,8 +64,23 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
     first, *others = read.requests
     assert (first.options.torque, first.options.turn_period_s) == ("3", 0.4)
     assert first.options.trust_period is False
-    for request, why in zip(others, BAD_CELLS, strict=True):
+    whys = BAD_CELLS
+    if kind != "parquet":
+        whys += ("'left arm' stands beyond the header's columns",)
+    for request, why in zip(others, whys, strict=True):
         assert why in str(request)
+    assert read.keys["date"].notna().sum() == 1
+
+
+def test_of_a_file_that_a_table_names_its_kind_is_told_and_not_its_content(tmp_path):
+    secret = file(tmp_path, "root:$6$hash:19000:0:99999\nyou:$6$secret's:19000:0:99999\n", "shadow")
+    write(noisy(), tmp_path / "log.csv")
+    table = file(tmp_path, "file,speed\nshadow,\nlog.csv,vel\n", "plant.csv")
+    [of_secret, of_log] = backlash.estimate_many(table, **HOW, jobs=1)["explanation"]
+    assert "no rows with two numbers; its last line is '...'; export it again" in of_secret
+    assert "no column 'vel'; there are '...', '...'" in of_log
+    [own] = backlash.estimate_many([str(secret)], **HOW, jobs=1)["explanation"]
+    assert "secret's" in own
 
 
 @pytest.mark.parametrize(
@@ -70,6 +88,7 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(kind, tmp_path):
     [
         ("a,b\n1,2\n", "no column 'file'; there are 'a', 'b'"),
         ("file\n", "no rows"),
+        ("file,file\na.csv,b.csv\n", "two of its columns have one name"),
         ("file,gear_ration\na.csv,1\n", "column 'gear_ration' is not read; is it 'gear_ratio'"),
     ],
 )

@@ -50,9 +50,16 @@ CHOSEN = [
         "speed 'motor speed [rpm]' [rpm], torque 'current [A]'",
     ),
     *(([name], {"unit": "rpm"}, f"speed {name!r} [rpm]") for name in ASKED),
+    (["Solllage [°]", "Istposition [°]"], {}, "position 'Istposition [°]' [deg], the motor's side"),
+    (["Motorsolldrehzahl [rpm]", "Istdrehzahl [rpm]"], {}, "speed 'Istdrehzahl [rpm]'"),
+    (["Lastposition [rad]", "Motorposition [rad]"], {}, "position 'Motorposition [rad]'"),
+    (["Speed[rps]", "MotorTorque[Nm]"], {"torque": "MotorTorque"}, "torque 'MotorTorque[Nm]'"),
+    (["Speed[rps]", "motor_torque [Nm]"], {"torque": "Motor torque"}, "torque 'motor_torque [Nm]'"),
 ]
+TIMES = ["[s]", "timestamps", "Stempel [ms]"]
 REFUSED = [
     *(([name], {}, "is not known; give --unit (a speed's: rps, rpm") for name in ASKED),
+    (["speed in 0.1 rpm"], {}, "of a scaled one, like 0.1 rpm, give --unit counts, and as --counts"),
     (["speed [rps]", "velocity [rps]"], {}, "give --speed"),
     (["dq[0]", "dq[1]"], {}, "give --speed"),
     *(
@@ -104,3 +111,9 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
     assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in str(log.columns)
     assert "'5' is empty in all 2,401 rows" in refusal(path, replace(TURN, speed="5", unit="rps"))
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_a_time_is_told_by_its_name_or_its_unit(name):
+    chosen = choose_columns(Table(pd.DataFrame({"speed [rps]": [1.0, 2.0], name: [0.0, 1.0]})), TURN)
+    assert chosen.time == name

@@ -1,6 +1,7 @@
 """The command line: answers, files, exit statuses, and one line where something is wrong."""
 
 import json
+import re
 from unittest.mock import Mock
 
 import pandas as pd
@@ -46,12 +47,24 @@ def test_an_answer_is_printed_and_its_fit_drawn(log, tmp_path, capsys):
     assert figure.stat().st_size > 10_000
 
 
-def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_path, capsys):
-    out = tmp_path / "answers.csv"
-    for _ in range(2):
-        assert command("estimate", tmp_path, SPEED, "--out", out) == 0
-    assert pd.read_csv(out)["verdict"].tolist() == ["cannot tell"]
-    assert not out.with_name("answers.csv.kept").exists()
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_table_is_written_where_a_link_points_and_again_until_something_is_added(
+    ending, log, tmp_path, examine, capsys
+):
+    out, link = tmp_path / f"answers.{ending}", tmp_path / f"link.{ending}"
+    link.symlink_to(out)
+    read = {"csv": pd.read_csv, "parquet": pd.read_parquet}[ending]
+    for _ in range(2):  # which is no log the second time
+        assert command("estimate", tmp_path, SPEED, "--out", link) == 0
+    table = read(out)
+    assert table["verdict"].tolist() == ["backlash"]
+    assert link.is_symlink()
+    assert not out.with_name(f"answers.{ending}.kept").exists()
+    for added in (table.assign(remark="mine"), table.assign(verdict="see Anna"), table[["version"]]):
+        getattr(added, f"to_{ending}")(out, index=False)
+        assert command("estimate", log, SPEED, "--out", out) == 2
+        assert "not what this command writes" in capsys.readouterr().err
+        assert read(out).equals(added)
 
 
 @pytest.mark.parametrize(
@@ -64,6 +77,7 @@ def test_a_table_is_written_and_an_answer_table_is_not_taken_for_a_log(log, tmp_
         ("--turn-period 0.4 --from nan", "give seconds, the end after the start"),
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
         (f"{MASSES} 1", "its mass at its arm alone has 3.2 kg m^2"),
+        (f"{MASSES} 4 --gear-ratio 1", "give the load by --inertia-ratio and --gravity, not by"),
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
         ("--turn-period 0.4 --jobs 0 --out answers.csv", "--jobs 0"),
         ("--turn-period 0.4 --batch missing.csv", "give logs, or --batch"),
@@ -93,9 +107,9 @@ def test_an_input_is_never_overwritten(log, capsys):
     assert "one of the inputs" in capsys.readouterr().err
     assert log.read_bytes() == before
     notes = log.with_name("notes.csv")
-    notes.write_text("mine")
+    notes.write_text("total_play_high_rad,mine")
     assert command("estimate", log, SPEED, "--out", notes) == 2
-    assert "not of this command" in capsys.readouterr().err
+    assert "not what this command writes" in capsys.readouterr().err
     notes.rename(notes.with_name("answers.csv.kept"))
     assert command("estimate", log, SPEED, "--out", log.with_name("answers.csv")) == 2
     assert "holds no answers of a run before" in capsys.readouterr().err
@@ -116,9 +130,25 @@ def test_a_defect_and_an_interruption_are_one_line(log, error, status, words, mo
     assert error_line.count("\n") == 1
 
 
-def test_help_says_which_movement_and_which_side(capsys):
+def test_help_says_which_movement_and_a_line_that_answers_on_the_example(
+    tmp_path, monkeypatch, capsys
+):
     with pytest.raises(SystemExit):
         command("estimate --help")
     text = " ".join(capsys.readouterr().out.split())
     assert "--gear-ratio 1" in text
     assert "must turn round" in text
+    monkeypatch.chdir(tmp_path)
+    line = re.search(r"backlash (example); backlash (estimate .*?) \.", text)
+    assert [command(words) for words in line.groups()] == [0, 0]
+    answer = capsys.readouterr().out
+    assert "backlash 0.8" in answer
+    assert "the whole play 1.6" in answer
+
+
+def test_an_answer_gives_half_of_the_play_and_the_whole_in_the_units_of_data_sheets():
+    answer = Estimate("log", "backlash", None, "", 8.39e-4, (6.4e-4, 9.44e-4), arm_m=2.0)
+    assert answer.summary == (
+        "backlash 0.839 mrad, half of the play (95 %: 0.640 to 0.944); "
+        "the whole play 1.68 mrad, 5.77 arcmin, 3.36 mm at 2 m"
+    )

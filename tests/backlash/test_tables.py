@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
+from openpyxl.chart import Reference, ScatterChart, Series
 from pyarrow.parquet import read_metadata
 
 from backlash import log_list
@@ -52,6 +54,14 @@ ANSWERED = {
     "a header in a comment": text("# logger 4.2, axis 4\n# t omega_rps", "{t:.4f}   {v:.5f}"),
     "a column of text": text("t,state,motor speed (rad/s)", "{t:.4f},moving,{rad:.4f}"),
     "a row of units": text("Time,Speed,I\ns,rpm,A", "{t:.4f},{rpm:.2f},1"),
+    "a row of units and one of types": text(
+        "Time;Act velocity;I\nms;rpm;A\nREAL8;REAL4;REAL4", "{t:.4f};{rpm:.2f};1"
+    ).replace("ms;", "s;"),
+    "a word below the names": text("time [s],speed [rpm]\nTrace1", "{t:.4f},{rpm:.2f}"),
+    "decimal commas with three digits": text(
+        "time [s];speed [rps];I", "{t:.3f};{v:.3f};1.024"
+    ).replace(".", ","),
+    "a compound": text("Zeit,Motordrehzahl [rpm],Solldrehzahl [rpm]", "{t:.4f},{rpm:.2f},1"),
     "motor and joint above each name": text(
         "t,Motor,Joint\ntime [s],speed [rpm],speed [rpm]", "{t:.4f},{rpm:.3f},7"
     ),
@@ -88,7 +98,11 @@ REFUSED = {
     ),
     "text among numbers": (line(500, "0.996,error"), "row 500: speed [rps] is 'error', no number"),
     "a huge speed": (line(500, "0.996,1e200"), "row 500: speed [rps] is '1e+200'"),
-    "a second log below": (line(100, "time [s],speed [rps]"), "row 99: names in the midst"),
+    "a second log below": (line(100, "time [s],speed [rps]"), "row 100: names in the midst"),
+    "a word in an early row, and later ones": (
+        "\n".join([*PLAIN.splitlines()[:5], "overrun,overrun", *PLAIN.splitlines()[5:], "end,end"]),
+        "row 6: names in the midst",
+    ),
     "a comma in a header cell": (
         text("time,motor speed, filtered [rpm]", "{t:.4f},{rpm:.3f}"),
         "its header has 3 fields, its rows have 2",
@@ -98,13 +112,21 @@ REFUSED = {
         "no column of a measured speed",
     ),
     "an index without a name": (text("time,speed [rpm]", "1,{t:.4f},{rpm:.3f}"), "has 2 fields"),
-    "thousands or decimals": (
-        "t [ms];speed [rpm]\n" + "".join(f"{2 * k};6,{k % 1000:03d}\n" for k in range(2400)),
-        "may be 6350 or 6.350; export numbers without marks of thousands",
-    ),
     "points of thousands beside decimal commas": (
         "t;speed [rpm];I\n" + "".join(f"0,{2 * k:05d};6.{k % 1000:03d};1,5\n" for k in range(2400)),
-        "row 2: speed [rpm] is '6,000', no number",
+        "row 2: speed [rpm] has marks of thousands; export numbers without",
+    ),
+    "points of thousands and decimal commas": (
+        text(RPM[0], "{t:.4f};{rpm:,.2f};1.5").replace("n]", "n];I", 1).translate(str.maketrans(",.", ".,")),
+        "row 2: Drehzahl [U/min] has marks of thousands; export numbers without",
+    ),
+    "stamps of no known format": (
+        text("time,speed [rps],I", "{t:.4f} after the start,{v:.5f},1"),
+        "time has text like '0.0000 after the start'; export it as numbers",
+    ),
+    "a row for each value": (
+        "time,topic,value\n" + text("", "{t:.4f},/v,{v:.5f}\n{t:.4f},/i,1.5"),
+        "each row has one value, of '/v', '/i'; pivot the table by 'topic'",
     ),
     "a stamp of ROS in two columns": (
         text("__time,stamp.sec,stamp.nanosec,velocity [rps]", "{t:.1f},1710000000,{ns},{v:.5f}"),
@@ -172,7 +194,7 @@ SHEETS = {"hidden": 2.0, "other": 0.5, "run": 1.0}
 
 
 @pytest.mark.parametrize(
-    ("active", "read"), [("run", "run"), ("other", "other"), ("hidden", "other")]
+    ("active", "read"), [("run", "run"), ("other", "other"), ("hidden", "other"), ("chart", "other")]
 )
 def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, tmp_path):
     with pd.ExcelWriter(tmp_path / "log.xlsx") as writer:
@@ -181,17 +203,45 @@ def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, 
             log = rows if name == read else rows[:5]  # too short for an answer
             log.to_excel(writer, sheet_name=name, startrow=1, index=False)
         writer.book["hidden"].sheet_state = "hidden"
-        writer.book.active = [*SHEETS].index(active)
+        chart = ScatterChart()
+        chart.series.append(Series(Reference(writer.book["run"], 2, 3, 2, 9)))
+        writer.book.create_chartsheet("chart").add_chart(chart)
+        writer.book.active = [*SHEETS, "chart"].index(active)
     log = open_log(tmp_path / "log.xlsx", TURN)
     np.testing.assert_allclose(log.recording.v, SHEETS[read] * V)
     assert f"sheet {read!r} (not 'hidden', " in str(log.columns)
 
 
-def test_the_text_columns_of_parquet_are_left_out_and_counted(tmp_path):
-    columns = {"time": pd.to_timedelta(T, unit="s"), "state": "moving", "speed [rps]": V}
-    pd.DataFrame(columns).to_parquet(tmp_path / "log.parquet")
-    log = open_log(tmp_path / "log.parquet", replace(TURN, speed="3"))
-    np.testing.assert_allclose(log.recording.v, V)
+DAY = pd.Timestamp("2024-03-17 08:00")
+TIMES = {
+    "durations": pd.to_timedelta(T, unit="s"),
+    "times of day": (DAY + pd.to_timedelta(T, unit="s")).time,
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_the_numbers_of_parquet_are_read_and_its_other_columns_counted(kind, tmp_path):
+    log = pd.DataFrame({"time": TIMES[kind], "state": "moving", "speed [rps]": V, "I": [[1.5]] * T.size})
+    log.to_parquet(tmp_path / "log.parquet")
+    read = open_log(tmp_path / "log.parquet", replace(TURN, speed="3"))
+    np.testing.assert_allclose(read.recording.v, V)
+    for name, kind in (("state", "string'"), ("I", "list<element: double>'")):
+        refused = refusal(tmp_path / "log.parquet", replace(TURN, torque=name))
+        assert f"row 1: {name} has text like" in refused
+        assert f"{kind}; export it as numbers" in refused
+
+
+def test_columns_of_parquet_with_one_name_are_refused(tmp_path):
+    twice = pa.table([T, V, V], names=["time", "speed [rps]", "speed [rps]"])
+    pa.parquet.write_table(twice, tmp_path / "log.parquet")
+    assert "several of its columns have one name" in refusal(tmp_path / "log.parquet")
+
+
+def test_a_column_of_formulas_that_no_program_has_calculated_is_named(tmp_path):
+    log = frame(I=[f"={k}" for k in range(T.size)])
+    log.to_excel(tmp_path / "log.xlsx", index=False)
+    words = "'I' is empty in all 2,401 rows (in a workbook: a formula, until a spreadsheet program"
+    assert words in refusal(tmp_path / "log.xlsx", replace(TURN, torque="I"))
 
 
 SHEET = "xl/worksheets/sheet1.xml"

@@ -69,7 +69,7 @@ REFUSED = {
     ),
     "lines between values": (
         frame(torque=np.interp(T, T[::3], TORQUE[::3])),
-        "the torque lies on lines for 3 samples in the mean: 167 new values a second",
+        "the torque lies on lines for 3.1 samples in the mean: 159 new values a second",
     ),
     "rows where the speed changed": (
         frame(V.round(1)).iloc[np.append(True, np.diff(V.round(1)) != 0)],
@@ -99,21 +99,38 @@ def test_what_was_not_measured_is_named_with_its_place(kind, tmp_path):
     assert words in refusal(file(tmp_path, log.to_csv(index=False)), WITH_TORQUE)
 
 
-# Signals that are coarse or filtered, and no defect.
-@pytest.mark.parametrize(
-    "log",
-    [
-        frame(torque=TORQUE.round()),
-        frame(torque=(5 * np.sin(2 * np.pi * T / 0.4)).round()),
-        frame(V.round(1), TORQUE.round(1)),
-        frame(np.floor(60 * V) / 60),
-        frame(np.concatenate([V[:1200], V[:1201]])),
-    ],
-)
-def test_coarse_values_are_neither_clipped_nor_held_nor_frozen(log):
+# As drives smooth it: it stands for up to 16 samples between impacts.
+SMOOTH = 100 + lfilter([0.05], [1, -0.95], 3 * (K % 100 < 4) * (-1.0) ** (K // 100)).round(2)
+# Signals that are coarse or filtered, or of impacts, and no defect.
+SOUND = {
+    "a coarse torque": frame(torque=TORQUE.round()),
+    "a coarse sine": frame(torque=(5 * np.sin(2 * np.pi * T / 0.4)).round()),
+    "both rounded": frame(V.round(1), TORQUE.round(1)),
+    "whole rpm": frame(np.floor(60 * V) / 60),
+    "turns that are the same": frame(np.concatenate([V[:1200], V[:1201]])),
+    "a smooth speed": frame(SMOOTH),
+    "a smooth speed as float32": frame(SMOOTH.astype("float32")),
+    "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[999:1002:2].mean() + 0.001)),
+    "impacts that are sampled once": frame(torque=TORQUE + 25 * (K % 200 == 7)),
+    "stamps half a period beside whole milliseconds": frame(t=(T + 5e-4).round(3)),
+}
+
+
+@pytest.mark.parametrize("kind", SOUND)
+def test_what_is_coarse_smooth_or_has_impacts_is_read_as_it_is(kind):
+    log = SOUND[kind]
     read = open_log(log, WITH_TORQUE)
     np.testing.assert_array_equal(read.torque, log["torque"])
-    assert read.notes == ()
+    assert not any("new values" in note for note in read.notes)
+
+
+@pytest.mark.parametrize("bits", [16, 18, 23])
+def test_a_fine_position_that_gains_speed_from_rest_is_not_interpolated(bits):
+    t = 2e-3 * np.arange(4000)
+    turns = np.cumsum(np.clip(80 * (t - 0.3) / 0.7, 0, 80) + 0.1 * np.sin(2 * np.pi * t / 0.8)) * 2e-3
+    counts = np.floor(turns * 2**bits) + RNG.integers(0, 2, t.size) * (t < 0.3)
+    options = LogOptions(turn_period_s=0.8, counts_per_turn=2.0**bits)
+    assert logs.opened(counts, options, t, "position").recording.t[-1] > 6
 
 
 def test_a_motor_that_rests_is_not_frozen_and_defects_outside_the_used_turns_do_not_matter():
@@ -155,11 +172,14 @@ def test_a_commanded_speed_checks_and_changes_nothing(given):
 GERMAN = "Zeit [ms];Drehzahl [1/min];Moment\n"
 
 
-def test_points_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_small(tmp_path):
-    rows = [f"{2 * k};{int(60 * v) // 1000}.{int(60 * v) % 1000:03d};1,5" for k, v in enumerate(V)]
-    path = file(tmp_path, GERMAN + "\n".join(rows).replace(",", "."))
+@pytest.mark.parametrize("mark", ".,")
+def test_marks_that_may_be_of_thousands_are_asked_about_where_the_speed_is_too_small(
+    mark, tmp_path
+):
+    rows = [f"{2 * k};{int(60 * v) // 1000}.{int(60 * v) % 1000:03d};1.5" for k, v in enumerate(V)]
+    path = file(tmp_path, GERMAN + "\n".join(rows).replace(".", mark))
     options = LogOptions(gear_ratio=40.0, torque="Moment")
-    assert "may be 6" in refusal(path, options)
+    assert f"6{mark}004 may be 6004, with a mark of thousands" in refusal(path, options)
     mixed = [f"{2 * k};6000;{'1.024' if k % 3 else '987'}" for k in range(2401)]
     sentence = refusal(file(tmp_path, GERMAN + "\n".join(mixed)), options)
     assert "Moment: '1.024' beside '987' is 1024 by its mark of thousands" in sentence
@@ -178,8 +198,19 @@ def mean_of(width: int) -> np.ndarray:
         (mean_of(7), "a running mean over 14 ms"),
         (mean_of(13), "a running mean over 26 ms"),
         (lfilter([0.3], [1, -0.7], TORQUE), None),
+        (TORQUE + 20 * (K % 200 == RNG.integers(5, 9, T.size)), None),
     ],
 )
 def test_a_running_mean_is_refused_and_neither_a_short_one_nor_a_low_pass(torque, words):
     with refused_for(words):
         refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), torque)
+
+
+@pytest.mark.parametrize(("width", "words"), [(1, None), (2, "a running mean over")])
+def test_beside_a_position_the_torque_is_kept_as_it_was_logged(width, words):
+    """A mean of two samples at 167 Hz hides what the teeth do; that between two positions is ours."""
+    form, torque = replace(WITH_TORQUE, unit="turns"), mean_of(width)
+    log = logs.opened(np.cumsum(V) * 2e-3, form, 3 * T, "position", torque=torque)
+    np.testing.assert_array_equal(log.signals[-1], torque[1:])
+    with refused_for(words):
+        refuse_averaged(replace(log.recording, turn_period_s=1.2), log.signals[-1])
