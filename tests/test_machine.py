@@ -13,7 +13,7 @@ from backlash import example
 from replication import compilation, joint, published, records
 from replication.files import UserError
 from tests.logs import command, noisy, write
-from workbook import judging, report
+from workbook import judging, report, stamps
 from workbook.__main__ import main as workbook_command
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,12 +38,11 @@ def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
     assert not list(tmp_path.rglob("PWNED"))
 
 
-def test_make_all_ends_where_it_cannot_ask_what_is_still_there(tmp_path):
-    for name in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/small.ran"):
+def test_make_all_ends_where_it_cannot_ask_what_is_due(tmp_path):
+    for name in ("pyproject.toml", "requirements.lock", ".venv/.installed"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    command = ["make", "--no-print-directory", "-f", ROOT / "Makefile", "all", "PY=false"]
-    command += ["STAMPS=.make/small.ran"]
+    command = ["make", "--no-print-directory", "-f", ROOT / "Makefile", "all", "RUN=false"]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True)
     assert ended.returncode == 2
     assert ended.stdout == b""
@@ -68,24 +67,18 @@ def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
         monkeypatch.setattr(judging, name, lambda results: None)
     monkeypatch.setattr(report, "list_verdicts", lambda *results: "34 µrad\nthe end")
     monkeypatch.setattr(report, "find_surprises", lambda verdicts: [])
+    monkeypatch.setattr(stamps, "refuse_faults", lambda **which: None)
     assert workbook_command(["check"]) == 0
     assert console.buffer.getvalue().splitlines()[-1] == b"the end"
 
 
 def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, capsys):
     monkeypatch.delenv("BACKLASH_DATA", raising=False)
-    monkeypatch.setitem(sys.modules, "workbook.sources", None)
+    monkeypatch.setitem(sys.modules, "workbook.project", None)
     assert workbook_command(["check"]) == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert "remove .venv, and make" in line
-
-
-def test_make_names_the_list_of_kept_tables_where_it_is_gone(tmp_path):
-    command = ["make", "-f", ROOT / "Makefile", ".make/report.ran"]
-    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert ended.returncode == 2
-    assert "results/kept_sha256.json is missing; git checkout brings it back" in ended.stderr
 
 
 def test_an_example_that_was_cut_is_named_and_nothing_is_written(tmp_path, monkeypatch):

@@ -2,10 +2,9 @@
 
 from importlib import import_module
 
-from replication.files import ROOT
-
 # What notebooks call; `python -m workbook` needs none of it.
 _MODULE_OF = {
+    "ROOT": "project",
     "Change": "teaching",
     "ParameterError": "parameters",
     "check_answer": "teaching",
@@ -22,7 +21,7 @@ _MODULE_OF = {
     "try_changing": "teaching",
     "verdict": "judging",
 }
-__all__ = ["ROOT", *_MODULE_OF]
+__all__ = [*_MODULE_OF]
 
 
 def __getattr__(name: str) -> object:

@@ -44,6 +44,8 @@ SOURCES = {
     "stand-in": "simulated in place of unpublished logs; not tested",
     "taken over": "assumed as printed; not tested",
 }
+CONSISTENT = "the paper's own numbers"  # a source, whose numbers show that the paper is consistent with itself
+GRADES = ("agrees", "agrees weakly", "consistent", "differs", "not tested")
 NOT_TESTED = ("stand-in", "taken over")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 
@@ -146,6 +148,14 @@ def verdicts(results: Path) -> pd.DataFrame:
         if not np.isfinite(_pooled(ours[cell]["numbers"])).all():
             raise UserError(f"{cell}: no notebook has computed it; make all runs them")
     return pd.DataFrame([judge_number(**row) for row in ours.values()])
+
+
+def grade(verdicts: pd.DataFrame) -> pd.DataFrame:
+    """Add to verdicts how much each says, `grade`; by id."""
+    grades = verdicts["agreement"].mask(verdicts["source"].eq(CONSISTENT), "consistent")
+    grades = grades.mask(verdicts["weak"] == "yes", "agrees weakly")
+    grades = grades.where(verdicts["agreement"] == "agrees", verdicts["agreement"])
+    return verdicts.assign(grade=grades).set_index("id")
 
 
 def _exported_twice(id: str, *notebooks: str) -> UserError:

@@ -10,11 +10,11 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.compilation import pinned_environment
-from replication.files import ROOT, DataUnavailable, write_text
+from replication.files import DataUnavailable, write_text
 from replication.records import AUTHORS_FILES, authors_file
-from workbook.sources import NOTEBOOKS, notebook_sources
+from workbook.project import ROOT, notebook_sources
 
-LAB = ROOT / "lab"
+NOTEBOOKS, LAB = ROOT / "notebooks", ROOT / "lab"
 # JupyterLab is not to ask for news and updates.
 SETTINGS = '{"fetchNews": "false", "checkForUpdates": false}\n'
 

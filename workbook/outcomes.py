@@ -24,7 +24,7 @@ from replication.files import (
     write_json,
 )
 from replication.records import records_are_simulated
-from workbook.sources import RESULTS, how_to_make, notebook_sources
+from workbook.project import RESULTS, ROOT, notebook_sources
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -144,7 +144,8 @@ def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
                 outcomes[name] = _check_outcome(json.loads(file.read_text(encoding="utf-8")))
             except (ValueError, TypeError, KeyError, RecursionError) as error:
                 raise UserError(
-                    f"{file}: not the outcome of a notebook ({error!r}); {how_to_make(source)}"
+                    f"{file}: not the outcome of a notebook ({error!r}); "
+                    f".venv/bin/python -m workbook run {source.relative_to(ROOT)} makes it"
                 ) from error
     return outcomes
 

@@ -1,12 +1,16 @@
 """The report: one template with the results' numbers filled in; and the list of `make check`."""
 
 import html
+import json
 import math
+import os
 import re
+import sys
 from collections import ChainMap
 from collections.abc import Iterable
 from decimal import Decimal, InvalidOperation
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +19,13 @@ import numpy as np
 import pandas as pd
 
 from replication import published, table2
-from replication.files import UserError, as_csv, as_json, read_committed, write_files
+from replication.files import KEPT_SHA256, UserError, as_csv, as_json, read_committed, write_files
+from replication.records import AUTHORS_FILES, authors_checksums
 from studies import multiverse, realisations
 from workbook import judging
 from workbook.outcomes import kept_table, load_outcomes, read_kept, read_made
-from workbook.provenance import provenance
+from workbook.project import RESULTS, ROOT
+from workbook.stamps import digest_code, new_record, sha256
 
 TEMPLATE = Path(__file__).with_name("report.md.j2")
 STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
@@ -260,7 +266,29 @@ def render(described: dict[str, Any]) -> tuple[str, str]:
         raise UserError(f"the report lacks a number: {error}; run make all") from error
 
 
-def write_report(results: Path, readme: Path) -> list[Path]:
+PACKAGES = ("joblib", "matplotlib", "numba", "numpy", "openpyxl", "pandas", "scipy")
+
+
+def provenance() -> dict[str, Any]:
+    """Versions of Python and of the packages that compute; SHA-256 of the authors' files."""
+    registry = authors_checksums()
+    python = ".".join(map(str, sys.version_info[:2]))
+    return {
+        "versions": {"python": python} | {package: version(package) for package in PACKAGES},
+        "authors_files": {file: registry[file] for file in AUTHORS_FILES},
+    }
+
+
+def digest_tables(project: Path) -> dict[str, str]:
+    """SHA-256, by name, of what the report is made from besides code: outcomes, kept tables and the template."""
+    beside = project / "results" / KEPT_SHA256
+    kept = read_committed(beside, lambda text: [*json.loads(text)])
+    files = [*(project / "results" / "outcomes").glob("*.json"), beside, TEMPLATE]
+    files += [project / "results" / name for name in kept]
+    return {os.path.relpath(file, project): sha256(file) for file in files}
+
+
+def write_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> list[Path]:
     """Write the verdicts, the claims, `report.md` and `provenance.json` of a results folder, all or none.
 
     The report's first section goes into a README, too, between the marks of the status.
@@ -275,6 +303,7 @@ def write_report(results: Path, readme: Path) -> list[Path]:
     UserError
         Something is missing that the report is made from.
     """
+    code, tables = digest_code(results.parent), digest_tables(results.parent)
     verdicts, claims = judging.verdicts(results), judging.claims(results)
     try:
         described = describe(verdicts, claims, results)
@@ -289,13 +318,14 @@ def write_report(results: Path, readme: Path) -> list[Path]:
         )
     before, _, after = STATUS.split(text)
     text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
-    written = {
-        results / "report.md": page.encode(),
-        results / "verdicts.csv": as_csv(verdicts),
-        results / "claims.csv": as_csv(claims),
-        results / "provenance.json": as_json(provenance()),
-        readme: text.encode(),
+    made = {
+        "results/report.md": page.encode(),
+        "results/verdicts.csv": as_csv(verdicts),
+        "results/claims.csv": as_csv(claims),
     }
+    made["results/provenance.json"] = as_json(provenance() | new_record(code, tables, made))
+    written = {results.parent / name: content for name, content in made.items()}
+    written[readme] = text.encode()
     write_files(written)
     return [*written]
 

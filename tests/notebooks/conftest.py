@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 
 import workbook
 from workbook import lab
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 
 class Running:

@@ -5,7 +5,7 @@ import re
 import jupytext
 import pytest
 
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 SOURCES = notebook_sources()
 # Parameters with which a notebook runs faster; the checks hold for any.

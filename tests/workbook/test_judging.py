@@ -13,7 +13,7 @@ from replication import characteristic, published, table2
 from replication.files import UserError
 from workbook import judging
 from workbook.outcomes import cell_rows, load_outcomes
-from workbook.sources import RESULTS
+from workbook.project import RESULTS
 
 CELLS = published.cells()
 EXPORTED = {

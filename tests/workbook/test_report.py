@@ -11,7 +11,7 @@ from replication import published
 from replication.files import UserError
 from studies.multiverse import Rejections
 from workbook import ROOT, judging, outcomes, report
-from workbook.sources import RESULTS
+from workbook.project import RESULTS
 
 TEXT = (RESULTS / "report.md").read_text("utf-8")
 README = (ROOT / "README.md").read_text("utf-8")
@@ -51,8 +51,11 @@ def test_a_report_that_lacks_something_writes_nothing(tmp_path, monkeypatch):
     report.write_report(RESULTS, ROOT / "README.md")
     assert {file.name for file in written} >= {"report.md", "verdicts.csv", "README.md"}
     written.clear()
+    results = tmp_path / "results"
+    results.mkdir()
+    shutil.copy(RESULTS / "kept_sha256.json", results)
     with pytest.raises(UserError, match="no notebook has computed it"):
-        report.write_report(tmp_path, ROOT / "README.md")
+        report.write_report(results, ROOT / "README.md")
     assert not written
 
 
