@@ -144,10 +144,11 @@ def lab() -> None:
 
 
 def data() -> None:
-    """Fetch and verify the authors' files."""
-    from replication.records import AUTHORS_FILES, authors_file
+    """Fetch and verify the public data."""
+    from workbook.project import find_hook
+    from workbook.report import list_data
 
-    print(*(authors_file(path) for path in AUTHORS_FILES), sep="\n")
+    print(*(find_hook("fetch")(name) for name in list_data()), sep="\n")
 
 
 if __name__ == "__main__":

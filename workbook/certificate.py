@@ -11,12 +11,17 @@ from typing import Any
 
 from llvmlite import binding
 
-from replication.compilation import pinned_environment
 from replication.files import KEPT_SHA256, DataUnavailable, UserError
-from replication.records import AUTHORS_FILES, authors_checksums, authors_file
 from workbook import judging
-from workbook.project import RESULTS, ROOT, notebook_sources, read_settings
-from workbook.report import provenance
+from workbook.project import (
+    RESULTS,
+    ROOT,
+    find_hook,
+    notebook_sources,
+    pin_environment,
+    read_settings,
+)
+from workbook.report import list_data, provenance
 from workbook.stamps import REPORT, find_why_due, read_stamp, refuse_faults, sha256, sha256_of
 
 
@@ -33,7 +38,7 @@ def certify(full: bool = False) -> dict[str, Any]:
     dict
         `commit` and what is `changed` since; date, machine, versions; of each notebook and the `report` why it does not
         count as made here ("" if it does), its seconds, and what it `lacks`; of each committed result, figure and
-        notebook and of each of the authors' files two SHA-256, as measured and as committed or registered, whether
+        notebook and of each file of public data two SHA-256, as measured and as committed or registered, whether
         they are the `same`, and whether the file was made here; of each kept table what a row made again is; of each
         printed number how it agrees, and by which notebook; or why none is judged.
 
@@ -57,7 +62,9 @@ def certify(full: bool = False) -> dict[str, Any]:
     unjudged, numbers = "", {}
     try:
         refuse_faults()
-        numbers = judging.grade(judging.verdicts(RESULTS))[["grade", "notebook"]].to_dict("index")
+        verdicts = judging.verdicts(RESULTS)
+        graded = verdicts.assign(grade=judging.grade(verdicts))
+        numbers = graded[["grade", "notebook"]].to_dict("index")
     except UserError as error:
         unjudged = str(error)
     return {
@@ -67,7 +74,7 @@ def certify(full: bool = False) -> dict[str, Any]:
         "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
         "versions": provenance()["versions"] | {"python": platform.python_version()},
         "runs": runs,
-        "authors_files": _authors_files(),
+        "data": _compare_data(),
         "results": results,
         "kept": {name: make_row_again(name) if full else "" for name in kept},
         "numbers": numbers,
@@ -88,25 +95,25 @@ def _compare(measured: str, expected: str) -> dict[str, Any]:
     return {"measured": measured, "expected": expected, "same": measured == expected}
 
 
-def _authors_files() -> dict[str, dict[str, Any]]:
-    """Hashes of the authors' files; in place of those that cannot be had, why."""
-    registered = authors_checksums()
+def _compare_data() -> dict[str, dict[str, Any]]:
+    """Hashes of the public data; in place of those that cannot be had, why."""
+    registered, fetch = list_data(), find_hook("fetch")
     measured: dict[str, str] = {}
-    for name in AUTHORS_FILES:
+    for name in registered:
         try:
-            measured[name] = sha256(authors_file(name))
+            measured[name] = sha256(fetch(name))
         except DataUnavailable as error:
-            measured |= dict.fromkeys(AUTHORS_FILES, str(error))
+            measured |= dict.fromkeys(registered, str(error))
             break
         except UserError as error:
             measured[name] = str(error)
-    return {name: _compare(measured[name], registered[name]) for name in AUTHORS_FILES}
+    return {name: _compare(measured[name], registered[name]) for name in registered}
 
 
 def make_row_again(table: str) -> str:
     """Make a row of a kept table again, by the settings' module: "same", "another", or why it is not made."""
     command = [sys.executable, "-m", read_settings(ROOT)["kept"], os.path.basename(table)[:-4]]
-    variables = os.environ | pinned_environment()
+    variables = os.environ | pin_environment()
     ended = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True)
     if ended.returncode:
         return f"not made again: {ended.stderr.strip().rpartition(chr(10))[2]}"
@@ -167,9 +174,9 @@ def find_differences(about: dict[str, Any]) -> list[str]:
     ]
     if about["unjudged"]:
         lines.append(f"no number is judged: {about['unjudged']}")
-    files = about["authors_files"].values()
+    files = about["data"].values()
     reasons = [each["measured"] for each in files if not each["same"]]
-    return lines + [f"authors' files: {reason}" for reason in dict.fromkeys(reasons)]
+    return lines + [f"public data: {reason}" for reason in dict.fromkeys(reasons)]
 
 
 def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
@@ -201,7 +208,7 @@ def write_certificate(about: dict[str, Any]) -> str:
     unchanged = [name for name in kept if results[name]["same"]]
     names = ", ".join(os.path.basename(name) for name in unchanged) or "none"
     others = len(results) - len(made) - len(kept)
-    files = [each["same"] for each in about["authors_files"].values()]
+    files = [each["same"] for each in about["data"].values()]
     versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
     lines = [
         "# Certificate of a rerun",
@@ -217,7 +224,7 @@ def write_certificate(about: dict[str, Any]) -> str:
         f"{sum_up_seconds(runs[name] for name in here)} |",
         f"| made here and the same | {sum(made)} of {len(made)} files that were made here |",
         f"| kept, unchanged, not made here | {names}; of what is made, {others} files were not |",
-        f"| sources | authors' files as registered: {sum(files)} of {len(files)} |",
+        f"| sources | public data as registered: {sum(files)} of {len(files)} |",
         f"| printed numbers, by notebooks run here | {count_grades(about, True)} |",
         f"| printed numbers, by committed outcomes | {count_grades(about, False)} |",
         "",

@@ -6,7 +6,9 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
-project = "A virtual sensor for backlash: the replication"
+from workbook.project import ROOT, read_settings
+
+project = read_settings(ROOT)["title"]
 extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 root_doc = "results/report"
 include_patterns = ["results/report.md", "notebooks/**"]

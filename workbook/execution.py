@@ -24,7 +24,6 @@ from nbclient.exceptions import CellControlSignal, CellExecutionError, DeadKerne
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication.compilation import pinned_environment
 from replication.files import (
     DataUnavailable,
     UserError,
@@ -34,7 +33,7 @@ from replication.files import (
     write_text,
 )
 from workbook.kernel import READ, read_notes
-from workbook.project import ROOT, notebook_sources
+from workbook.project import ROOT, notebook_sources, pin_environment, read_settings
 from workbook.stamps import (
     digest_code,
     drop_stale_caches,
@@ -48,8 +47,6 @@ CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
 HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
-SIMULATED = """**On our simulated records in place of the authors', whose files could not be had. The \
-committed results, from the authors' data, are untouched; `make data` fetches them.**"""
 NOTHING: dict[str, Any] = {"cells": [], "claims": [], "facts": {}}  # for the report
 UNSET = ("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONINSPECT", "PYTHONSTARTUP")
 # What a library says on stderr, and does not matter.
@@ -65,7 +62,7 @@ class NotebookFailed(UserError):
 def run(source: Path, project: Path = ROOT) -> str:
     """Execute a notebook and put what it makes in place, in the project's folder; say how it ended.
 
-    Where the authors' files can't be had it runs on our simulated records, into `results/offline`. Its outcome says
+    Where data can't be had it runs on simulated ones, if the project has such, into `results/offline`. Its outcome says
     what it was made from; a stamp, that it ran here. A second run of it waits for the first. This process gets the
     environment of its kernel.
 
@@ -83,6 +80,7 @@ def run(source: Path, project: Path = ROOT) -> str:
     start = time.monotonic()
     where = ""
     stamp = stamp_file(project, name)
+    simulated = read_settings(project).get("simulated")
     try:
         os.environ |= kernel_environment(project)
         drop_stale_caches(project)
@@ -92,9 +90,12 @@ def run(source: Path, project: Path = ROOT) -> str:
                 made = _execute_into(project, source, project)
                 write_bytes(stamp, new_stamp(project, made, time.monotonic() - start))
             except DataUnavailable:
-                os.environ["BACKLASH_RECORDS"] = "simulated"
-                _execute_into(project / "results" / "offline", source, project, SIMULATED)
-                where = " on our simulated records"
+                if not simulated:
+                    raise
+                os.environ[simulated["variable"]] = "simulated"
+                offline, warning = project / "results" / "offline", simulated["warning"]
+                _execute_into(offline, source, project, warning)
+                where = f" on {simulated['mark']}"
     except DataUnavailable as missing:
         write_bytes(stamp, new_stamp(project, [], lacks=str(missing)))
         return f"{name}: not run: {missing}; its committed results stay"
@@ -110,8 +111,7 @@ def find_source(file: Path, project: Path) -> Path:
     for name, source in notebook_sources(project).items():
         if file.name == f"{name}.py" and file.exists() and file.samefile(source):
             return source
-    example = "such as notebooks/08_noise_table2.py"
-    raise UserError(f"{file}: give the .py source of a notebook of {project}, {example}")
+    raise UserError(f"{file}: give the .py source of a notebook of {project}")
 
 
 def read_notebook(file: Path, advice: str) -> NotebookNode:
@@ -152,12 +152,12 @@ def kernel_environment(project: Path) -> dict[str, str]:
     for name in folders:
         (settings / name).mkdir(parents=True, exist_ok=True)
     return {
-        **pinned_environment(),
+        **pin_environment(),
         **{name: str(settings / name) for name in folders},
         **dict.fromkeys(UNSET, ""),
         "MATPLOTLIBRC": str(settings / "none"),
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-        "BACKLASH_RECORDS": "",
+        read_settings(project).get("simulated", {}).get("variable", "SIMULATED"): "",
         "PYTHONHASHSEED": "0",
         "PYTHONPATH": os.pathsep.join([str(project), str(Path(__file__).parents[1])]),
         "TQDM_DISABLE": "1",  # a bar of progress is text on stderr

@@ -6,6 +6,7 @@ By the standard library alone: `make all` asks, each time, what is due.
 import re
 import tomllib
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,21 @@ def read_settings(project: Path) -> dict[str, Any]:
         return {}
     except (ValueError, OSError) as error:
         raise UserError(f"{file}: {error}; git checkout brings it back") from error
+
+
+def find_hook(name: str) -> Any:
+    """Find what the settings name as "module:function", code of the project; None where they name nothing."""
+    words = read_settings(ROOT).get(name)
+    if not words:
+        return None
+    module, _, attribute = words.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def pin_environment() -> dict[str, str]:
+    """Variables under which the project's arithmetic is the same everywhere."""
+    pin = find_hook("environment")
+    return pin() if pin else {}
 
 
 ROOT = find_root()
