@@ -366,7 +366,11 @@ if compared:
     printed = [published.value(cell) for cell in cells]
     off = 100 * (pd.Series(cells) / printed - 1)
     mean, sem = off.mean(), off.sem()
-    facts["theoretical"] = {"largest": off.abs().max(), "mean": mean, "t": mean / sem}
+    facts["theoretical"] = {
+        "largest": off.abs().max(),
+        "mean": mean,
+        "t": mean / sem,
+    }
     engine_percent, engine_us = 100 * finest["nrmse"], 1e6 * finest["step_s"]
     facts["engine"] = {"error_percent": engine_percent, "step_us": engine_us}
     beside = (

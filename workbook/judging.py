@@ -12,7 +12,7 @@
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from itertools import chain
 from pathlib import Path
@@ -87,7 +87,9 @@ def judge_numbers(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     table["published"], table["reproduced"] = value, pooled.map(np.median).astype(float)
     tolerance = table["abs_tol"] + table["rel_tol"] * value.abs()
     many = pooled[table["numbers"].map(lambda each: isinstance(each, Mapping))]
-    ends = pd.DataFrame([find_hook("interval")(each) for each in many], many.index, ["low", "high"], dtype=float)
+    ends = pd.DataFrame(
+        [find_hook("interval")(each) for each in many], many.index, ["low", "high"], dtype=float
+    )
     high = (table["reproduced"] + tolerance).mask(table["kind"] == "bound", np.inf)
     table["low"] = ends["low"].reindex(table.index).fillna(table["reproduced"] - tolerance)
     table["high"] = ends["high"].reindex(table.index).fillna(high)
