@@ -81,8 +81,10 @@ def count_realisations(printed: float, numbers: Numbers) -> str:
 
 def judge_numbers(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Compare ours with printed numbers: rows `id, source, numbers, notebook` become those of `verdicts.csv`, by id."""
-    ours = pd.DataFrame(rows, columns=["id", "source", "numbers", "notebook"]).set_index("id")
-    table = ours.join(read_table("cells"), rsuffix="_expected")
+    columns = ["id", "source", "numbers", "notebook"]
+    ours = pd.DataFrame([{"notebook": ""} | dict(row) for row in rows], columns=columns)
+    ours = ours.set_index("id")
+    table = ours.join(read_table("cells").rename(columns={"source": "expected"}))
     value, pooled = table["value"].astype(float), table["numbers"].map(_pooled)
     table["published"], table["reproduced"] = value, pooled.map(np.median).astype(float)
     tolerance = table["abs_tol"] + table["rel_tol"] * value.abs()
@@ -99,18 +101,18 @@ def judge_numbers(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
     is_absent = ~np.isfinite(table["reproduced"])
     is_open = is_absent | ~np.isfinite(table["low"])
-    is_tested = ~is_open & ~table["source_expected"].isin(NOT_TESTED)  # whatever an outcome says
+    is_tested = ~is_open & ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
     table["agreement"] = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
     table["weak"] = np.where((table["agreement"] == "agrees") & (holds(2) | holds(0.5)), "yes", "")
     why = table["known_difference"].replace("", "no explanation known") + "; "
     said = [*map(count_realisations, value, table["numbers"])]
     reason = why.where(table["agreement"] == "differs", "") + table["reason"] + said
-    of_tested = ~table["source_expected"].isin(NOT_TESTED)
+    of_tested = ~table["expected"].isin(NOT_TESTED)
     reason = reason.mask(is_open & of_tested, "too few realisations for an interval")
     table["reason"] = reason.mask(is_absent & of_tested, "no notebook computed it")
     table["resolution"] = [resolution(row) for row in table.itertuples()]
     columns = ["printed", "published", "reproduced", "low", "high", "agreement", "weak", "source"]
-    return table[[*columns, "resolution", "reason", "notebook"]].fillna({"notebook": ""})
+    return table[[*columns, "resolution", "reason", "notebook"]]
 
 
 def verdicts(results: Path) -> pd.DataFrame:
@@ -237,7 +239,7 @@ def judge(
         where this run makes what is committed; and the verdict.
     """
     names = {"reproduced": "ours", "agreement": "verdict"}
-    numbers = judge_numbers(cell_rows(cells or {})).rename(columns=names)
+    numbers = judge_numbers(cell_rows(cells)).rename(columns=names) if cells else pd.DataFrame()
     decided = {
         claim: {"ours": words, "verdict": CLAIM_VERDICTS[holds]}
         for claim, (holds, words) in decide_all(claims or {}, criteria).items()
@@ -250,7 +252,7 @@ def judge(
         kept = read_made("verdicts").set_index("id")["reproduced"]
         claimed = read_made("claims").set_index("id")["measured"]
         table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
-    table = table.rename_axis("id").fillna("")
+    table = table.rename_axis("id").astype(object).fillna("")
     return table.map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
 
 

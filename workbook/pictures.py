@@ -70,8 +70,9 @@ def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, firs
     from matplotlib import rc_context
 
     pictures = []
-    with rc_context(find_style()):
-        figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
+    # Axes stand where `draw` puts them: a layout engine would find none of its own, and warn.
+    with rc_context(find_style() | {"figure.constrained_layout.use": False}):
+        figure = plt.figure(figsize=(7, 3.6), dpi=80)
         for k in range(count):
             figure.clear()
             draw(figure, k)

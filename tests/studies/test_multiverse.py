@@ -11,6 +11,7 @@ from studies import claims, intervals
 from studies import multiverse as evidence
 from studies.multiverse import MEAN_DEVIATION, SCORES_OF_MEANS, SCORES_OF_SDS
 from studies.realisations import read_realisations
+from workbook.judging import decide_all
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +147,7 @@ def set_p(multiverse, start, p, scores=(MEAN_DEVIATION,)):
 
 def decide_random_start(multiverse, criteria=None):
     measured = evidence.measure_random_start(multiverse, criteria)
-    return claims.decide({"random_start": measured}, criteria)["random_start"]
+    return decide_all(claims.write_all({"random_start": measured}), criteria)["random_start"]
 
 
 def test_a_random_start_is_decided_by_all_its_readings_and_by_ours_of_the_whole_record(multiverse):

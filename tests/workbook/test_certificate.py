@@ -1,6 +1,5 @@
 """A certificate says what ran here with this code, and names each file that is not as it is committed."""
 
-import json
 import shutil
 import subprocess
 
@@ -21,7 +20,7 @@ VERDICTS = pd.DataFrame(
         "source": ["recomputed", "recomputed", judging.CONSISTENT, "recomputed", "stand-in"],
         "notebook": ["01_one", "02_two", "01_one", "02_two", "02_two"],
     }
-)
+).set_index("id")
 
 
 def git(folder, *words):
@@ -68,8 +67,10 @@ def clone(request, project, monkeypatch, tmp_path, authors=None):
     monkeypatch.setattr(certificate, "RESULTS", folder / "results")
     monkeypatch.setattr(certificate, "notebook_sources", lambda: stamps.notebook_sources(folder))
     monkeypatch.setattr(certificate, "refuse_faults", lambda: stamps.refuse_faults(folder))
-    monkeypatch.setattr(certificate, "AUTHORS_FILES", ())
+    monkeypatch.setattr(certificate, "list_data", dict)
     monkeypatch.setattr(judging, "verdicts", lambda results: VERDICTS)
+    settings = stamps.read_settings(folder)
+    monkeypatch.setattr(certificate, "read_settings", lambda root: settings)
     return folder
 
 
@@ -89,7 +90,7 @@ def test_where_one_notebook_ran_the_others_and_their_numbers_stand_apart(clone):
         stamps.stamp_file(clone, name).unlink()
     _, differences, page = certified()
     assert differences == ["02_two: not run here", "report: not run here"]
-    assert "| notebooks run here with this code | 1 of 2, 12 s in all, " in page
+    assert "| notebooks run here with this code | 1 of 2, 12 s in sum, " in page
     assert "| made here and the same | 3 of 3 files that were made here |" in page
     assert "not made here | table.csv; of what is made, " in page
     here = "1 agrees, 0 agrees weakly, 1 consistent, 0 differs, 0 not tested |"
@@ -101,7 +102,7 @@ def test_where_one_notebook_ran_the_others_and_their_numbers_stand_apart(clone):
 def test_where_all_ran_to_the_same_bytes_there_is_no_difference(clone):
     about, differences, page = certified()
     assert (differences, about["changed"], len(about["commit"])) == ([], [], 40)
-    assert "| notebooks run here with this code | 2 of 2, 24 s in all, two at a time in 1" in page
+    assert "| notebooks run here with this code | 2 of 2, 24 s in sum, 1" in page
     assert "| made here and the same | 8 of 8 files" in page
     assert "| printed numbers, by committed outcomes | none |" in page
     assert "- no difference\n" in page
@@ -163,19 +164,18 @@ def test_a_row_of_a_kept_table_is_made_again_where_that_is_asked_for(clone, code
 
 def test_runs_at_the_same_time_are_not_counted_twice_in_the_wall_time():
     runs = [{"seconds": 10, "ended": 100 + k} for k in (0, 5, 40)]
-    assert certificate.sum_up_seconds(runs) == "30 s in all, two at a time in 25 s"
+    assert certificate.sum_up_seconds(runs) == "30 s in sum, 25 s of wall time"
 
 
 def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(monkeypatch, tmp_path):
     def missing(name):
         raise DataUnavailable("no network")
 
-    first = certificate.AUTHORS_FILES[0]
-    monkeypatch.setattr(certificate, "authors_file", missing)
-    files = certificate._authors_files()
-    assert {each["measured"] for each in files.values()} == {"no network"}
+    first = "Speeddata3.xlsx"
+    monkeypatch.setattr(certificate, "find_hook", lambda name: missing)
+    data = certificate._compare_data()
+    assert {each["measured"] for each in data.values()} == {"no network"}
     (tmp_path / first).write_text("other")
-    monkeypatch.setattr(certificate, "authors_file", records.authors_file)
+    monkeypatch.setattr(certificate, "find_hook", lambda name: records.authors_file)
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    assert "not the registered one" in certificate._authors_files()[first]["measured"]
-    json.dumps(files)
+    assert "not the registered one" in certificate._compare_data()[first]["measured"]

@@ -32,15 +32,15 @@ def test_the_outcome_holds_numbers_decisions_and_facts(tmp_path, monkeypatch):
     workbook.verdict(
         "A sentence.",
         cells={CELL: 1 / 3},
-        claims={"monotone": (True, "it is")},
-        facts={"count": 3, "error": f"{float('nan'):+.1f}"},
+        claims={"monotone": (99.0, "it is")},
+        facts={"rows": pd.Series([1 / 3, 2]), "of": {"count": pd.Series([True]).sum()}},
         tables={"small": pd.DataFrame({"x": [1 / 3]})},
     )
     made = {path.name: path.read_text("utf-8") for path in tmp_path.rglob("*.*")}
     outcome = json.loads(made["small.json"])
     assert outcome["cells"][0]["numbers"] == 0.333333
     assert outcome["claims"] == [{"id": "monotone", "holds": True, "measured": "it is"}]
-    assert outcome["facts"] == {"count": "3"}
+    assert outcome["facts"] == {"rows": [0.333333, 2.0], "of": {"count": 1}}
     assert made["small.csv"] == "x\n0.333333\n"
 
 
@@ -60,7 +60,7 @@ WRONG = [
     json.dumps(GOOD | {"cells": [{"id": CELL, "numbers": 1.0}]}),
     json.dumps(GOOD | {"cells": [CELL]}),
     json.dumps(GOOD | {"claims": [{"id": "monotone", "holds": "yes", "measured": "it is"}]}),
-    json.dumps(GOOD | {"facts": {"count": 3}}),
+    json.dumps(GOOD | {"facts": [3]}),
     "[" * 10**5,
 ]
 
