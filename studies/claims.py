@@ -27,7 +27,6 @@ from replication.records import Recording, authors_checksums
 from replication.signature import FloatArray
 from replication.table2 import SETTINGS, basin_labels
 
-Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words name several
 
 
