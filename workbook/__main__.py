@@ -106,6 +106,9 @@ def check() -> int:
 
     refuse_faults()
     refuse_faults(names=[REPORT])
+    from workbook.report import make_report, refuse_stale
+
+    refuse_stale(make_report())
     return _print_verdicts()
 
 

@@ -35,9 +35,9 @@ from replication.files import (
 from workbook.kernel import READ, read_notes
 from workbook.project import ROOT, notebook_sources, pin_environment, read_settings
 from workbook.stamps import (
+    add_record,
     digest_code,
     drop_stale_caches,
-    new_record,
     new_stamp,
     record_file,
     stamp_file,
@@ -203,9 +203,8 @@ def _execute_into(destination: Path, source: Path, project: Path, warning: str =
             if file.is_file() and file.name != READ
         }
         record = record_file(project, source.stem).relative_to(project).as_posix()
-        said = json.loads(made.pop(record, b"{}"))
-        outcome = NOTHING | said | new_record(code, read, made)
-        made[record] = as_json(outcome)
+        said = NOTHING | json.loads(made.pop(record, b"{}"))
+        made[record] = as_json(add_record(said, code, read, made))
         write_files({destination / name: content for name, content in made.items()})
     finally:
         shutil.rmtree(staging, ignore_errors=True)

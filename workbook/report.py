@@ -21,7 +21,7 @@ from replication.files import KEPT_SHA256, UserError, as_csv, as_json, read_comm
 from workbook import judging
 from workbook.outcomes import load_outcomes, read_kept, read_table
 from workbook.project import RESULTS, ROOT, find_hook, read_settings
-from workbook.stamps import digest_code, new_record, sha256
+from workbook.stamps import add_record, digest_code, sha256
 
 SETTINGS = read_settings(ROOT)
 TEMPLATE = ROOT / SETTINGS["report"]
@@ -232,15 +232,15 @@ def digest_tables(project: Path) -> dict[str, str]:
     return {os.path.relpath(file, project): sha256(file) for file in files}
 
 
-def write_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> list[Path]:
-    """Write the verdicts, the claims, `report.md` and `provenance.json` of a results folder, all or none.
+def make_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> dict[Path, bytes]:
+    """Make the verdicts, the claims, `report.md` and `provenance.json` of a results folder.
 
     The report's first section goes into a README, too, between the marks of the status.
 
     Returns
     -------
-    list of Path
-        What was written, the report first.
+    dict of Path to bytes
+        What is to be written, the report first.
 
     Raises
     ------
@@ -267,11 +267,23 @@ def write_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> 
         "results/verdicts.csv": as_csv(verdicts.reset_index()),
         "results/claims.csv": as_csv(claims),
     }
-    made["results/provenance.json"] = as_json(provenance() | new_record(code, tables, made))
-    written = {results.parent / name: content for name, content in made.items()}
-    written[readme] = text.encode()
-    write_files(written)
-    return [*written]
+    made["results/provenance.json"] = as_json(add_record(provenance(), code, tables, made))
+    files = {results.parent / name: content for name, content in made.items()}
+    return files | {readme: text.encode()}
+
+
+def write_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> list[Path]:
+    """Write what `make_report` makes, all or none; return its files."""
+    made = make_report(results, readme)
+    write_files(made)
+    return [*made]
+
+
+def refuse_stale(made: dict[Path, bytes]) -> None:
+    """Refuse a report, a table of its or a README that says other than the results; versions may be others."""
+    for file, content in made.items():
+        if file.name != "provenance.json" and file.read_bytes() != content:
+            raise UserError(f"{file}: it says other than the results; make all makes it")
 
 
 def list_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> str:

@@ -26,6 +26,8 @@ from replication.files import UserError, write_text
 from workbook.project import ROOT, notebook_sources, read_settings
 
 REPORT = "report"
+RECORD = ("made_from", "read", "made")
+SAID = "what is said"  # in a record, among the files: the rest of its own one
 # Of whatever stands where JSON should.
 UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
 # A module that can be imported, or a file that a program can name: no copy, backup or file of an editor.
@@ -69,16 +71,23 @@ def digest_inputs(code: Mapping[str, str], read: Mapping[str, str]) -> str:
     return sha256_of(json.dumps(dict(code) | dict(read), sort_keys=True).encode())
 
 
-def new_record(
-    code: Mapping[str, str], read: Mapping[str, str], made: Mapping[str, bytes]
+def add_record(
+    said: Mapping[str, Any],
+    code: Mapping[str, str],
+    read: Mapping[str, str],
+    made: Mapping[str, bytes],
 ) -> dict[str, Any]:
-    """Describe what a run was made from, and what it made, by names from the project's folder."""
+    """Add to what a run says what it was made from, and what it made, by names from the project's folder."""
     other = {name: digest for name, digest in read.items() if name not in made}
-    return {
-        "made_from": digest_inputs(code, other),
-        "read": sorted(other),
-        "made": {name: sha256_of(made[name]) for name in sorted(made)},
-    }
+    files = {name: sha256_of(made[name]) for name in sorted(made)}
+    record = {"made_from": digest_inputs(code, other), "read": sorted(other)}
+    return {**said, **record, "made": {SAID: digest_said(said)} | files}
+
+
+def digest_said(said: Mapping[str, Any]) -> str:
+    """SHA-256 of what a run says, without the record."""
+    left = {name: value for name, value in said.items() if name not in RECORD}
+    return sha256_of(json.dumps(left, sort_keys=True).encode())
 
 
 def record_file(project: Path, name: str) -> Path:
@@ -95,6 +104,7 @@ def read_record(project: Path, name: str) -> dict[str, Any]:
             "made_from": str(held["made_from"]),
             "read": [*map(str, held["read"])],
             "made": {str(file): str(digest) for file, digest in held["made"].items()},
+            SAID: digest_said(held),
         }
     except UNREADABLE:
         return {}
@@ -107,7 +117,7 @@ def find_fault(project: Path, name: str) -> str:
         file = record_file(project, name).relative_to(project)
         return f"{file} is missing, or says not what it was made from"
     for file, digest in record["made"].items():
-        if sha256(project / file) != digest:
+        if (record[SAID] if file == SAID else sha256(project / file)) != digest:
             return f"{file} is missing, or not as it was made"
     source = None if name == REPORT else notebook_sources(project)[name]
     read = {file: sha256(project / file) for file in record["read"]}

@@ -34,10 +34,10 @@ def leave(folder, name):
     made = {f"figures/{name}.svg": b"a figure", f"notebooks/{name}.ipynb": b"a notebook"}
     if name == stamps.REPORT:
         made, source = {"results/report.md": b"a report"}, None
-    record = stamps.new_record(stamps.digest_code(folder, source), {}, made)
-    cells = [{"id": name, "source": "recomputed", "numbers": 1.0}]
+    said = {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}
+    record = stamps.add_record(said, stamps.digest_code(folder, source), {}, made)
     record_file = stamps.record_file(folder, name)
-    made[record_file.relative_to(folder).as_posix()] = as_json({"cells": cells} | record)
+    made[record_file.relative_to(folder).as_posix()] = as_json(record)
     for each, content in made.items():
         (folder / each).parent.mkdir(exist_ok=True)
         (folder / each).write_bytes(content)

@@ -1,6 +1,5 @@
 """What a notebook was made from, and what it made: whatever is no longer so is due, whatever its time."""
 
-import json
 import os
 import shutil
 
@@ -31,10 +30,11 @@ def made(project):
         (folder / name).write_text(name)
     code = stamps.digest_code(folder, folder / "notebooks" / f"{NAME}.py")
     read = {"results/kept.csv": stamps.sha256(folder / "results" / "kept.csv")}
-    record = stamps.new_record(code, read, {name: name.encode() for name in MADE})
+    said = {"cells": CELL, "claims": [], "facts": {}}
+    record = stamps.add_record(said, code, read, {name: name.encode() for name in MADE})
     file = stamps.record_file(folder, NAME)
     file.parent.mkdir()
-    file.write_bytes(as_json({"cells": CELL, "claims": [], "facts": {}} | record))
+    file.write_bytes(as_json(record))
     stamp = stamps.stamp_file(folder, NAME)
     stamp.parent.mkdir()
     stamp.write_bytes(stamps.new_stamp(folder, [file, *(folder / name for name in MADE)], 12.3))
@@ -116,12 +116,24 @@ def test_a_record_or_a_stamp_that_says_nothing_is_none(made, text):
 
 def test_a_notebook_that_says_nothing_of_the_paper_may_be_older_than_the_code(made):
     file = stamps.record_file(made, NAME)
-    file.write_bytes(as_json(json.loads(file.read_text()) | {"cells": []}))
+    code = stamps.digest_code(made, made / "notebooks" / f"{NAME}.py")
+    file.write_bytes(
+        as_json(stamps.add_record({"cells": []}, code, {}, {MADE[0]: MADE[0].encode()}))
+    )
     (made / "tools" / "rules.py").write_text("other")
     assert stamps.find_due(made)
     stamps.refuse_faults(made)
     (made / MADE[0]).unlink()
     with pytest.raises(UserError, match=r"figures/one\.svg is missing, or not as it was made"):
+        stamps.refuse_faults(made)
+
+
+def test_a_number_that_is_changed_in_an_outcome_is_noticed_without_a_stamp(made):
+    shutil.rmtree(made / ".make")
+    stamps.refuse_faults(made)
+    file = stamps.record_file(made, NAME)
+    file.write_text(file.read_text().replace("1.0", "1.1"))
+    with pytest.raises(UserError, match=r"01_small: what is said is missing, or not as it"):
         stamps.refuse_faults(made)
 
 
