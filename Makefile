@@ -1,6 +1,7 @@
 # The workbook's main jobs. `make` alone lists them.
 .error : GNU make is needed, often called gmake
 
+override SHELL := /bin/sh
 PYTHON ?= python3
 PY := .venv/bin/python
 RUN := $(PY) -m workbook
@@ -10,7 +11,7 @@ SIMD = $(shell $(PY) -c 'import numpy; s = numpy.show_config("dicts")["SIMD Exte
 OTHER = $(if $(KERNEL),OPENBLAS_CORETYPE=$(KERNEL) NUMBA_CPU_NAME=generic NPY_DISABLE_CPU_FEATURES="$(SIMD)")
 
 # Settings of the user's that would change what a command computes.
-unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONOPTIMIZE PYTHONPATH PYTHONSAFEPATH PYTHONSTARTUP PYTHONUSERBASE PYTHONWARNINGS
+unexport PYTHONDONTWRITEBYTECODE PYTHONHOME PYTHONINSPECT PYTHONOPTIMIZE PYTHONPATH PYTHONSAFEPATH PYTHONSTARTUP PYTHONUSERBASE PYTHONWARNINGS
 unexport PYTEST_ADDOPTS PYTEST_DISABLE_PLUGIN_AUTOLOAD PYTEST_PLUGINS VIRTUAL_ENV
 unexport $(filter IPYTHON% JUPYTER% MPL% NUMBA%,$(.VARIABLES))
 
@@ -23,9 +24,12 @@ help:  ## list the targets
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
 # make from ending well. What this make starts, sub-makes and kernels too, ends with it, in whatever way it ends.
 all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
-	@$(PY) -m workbook.stamps || exit; export MAKE_PID=$$PPID; \
-	$(MAKE) --no-print-directory --keep-going --jobs 2 $(STAMPS); status=$$?; \
-	$(MAKE) --no-print-directory .make/report.ran && exit $$status
+	@due=$$($(RUN) due) || exit; export MAKE_PID=$$PPID; \
+	test -z "$$due" || $(MAKE) --no-print-directory --keep-going --jobs 2 $$due; failed=$$?; \
+	$(RUN) report && exit $$failed
+
+run/%:
+	@$(RUN) run $*
 
 # ONLY=data: those that need files; ONLY=portable KERNEL=Prescott: those that compute, as on another processor.
 test: .venv/.test  ## the tests, on the committed results, but for the slow ones
@@ -37,8 +41,9 @@ slow: .venv/.slow  ## the slow tests: notebooks executed again, browsers, long s
 check: .venv/.installed  ## print every number with its verdict; fails if one differs unexpectedly
 	@$(RUN) check
 
-verify: .venv/.installed  ## verification.md and .json, to send back: what ran here, and is it what is committed
-	@$(RUN) verify
+# FULL=1: a row of each kept table is made again, too.
+verify: .venv/.installed $(if $(FULL),.venv/.studies)  ## verification.md and .json, to send back: what ran here, and is it what is committed
+	@$(RUN) verify $(if $(FULL),--full)
 
 lab: .venv/.lab  ## JupyterLab on copies of the notebooks, in lab/
 	@$(RUN) lab
@@ -78,30 +83,9 @@ clean:  ## remove what can be made again and is not committed
 INSTALL = @[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }; \
 	$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")' && \
 	MAKE_PID=$$PPID $(PYTHON) -E -s -m workbook.install $@
-.venv/.installed: pyproject.toml requirements.lock
+# A Python that is asked for is compared with that of .venv.
+.venv/.installed: pyproject.toml requirements.lock $(if $(filter-out file,$(origin PYTHON)),FORCE)
 	$(INSTALL)
 .venv/.%: .venv/.installed
 	$(INSTALL)
-
-# A notebook is due when this checkout has not run it yet, when what it made is no longer as it was, or when it, a
-# package or a kept table that it reads has changed since. `run` makes its stamp; none is made where the authors' files
-# could not be had.
-PACKAGES := $(wildcard replication/*.py replication/data/*.* backlash/*.py backlash/*/*.py backlash/data/* studies/*.py workbook/*.py)
-.make/%.ran: notebooks/%.py $(PACKAGES) .venv/.installed
-	@$(RUN) run $<
-.make/%.ran: notebooks/beyond/%.py $(PACKAGES) .venv/.installed
-	@$(RUN) run $<
-
-# NAME.py that reads results/TABLE.csv makes this a prerequisite of .make/NAME.ran.
-READERS := $(wildcard notebooks/*.py notebooks/*/*.py) workbook/report.py
-$(foreach rule,$(shell grep -oE 'kept_table."[a-z0-9_]+"|read_kept."[a-z0-9_]+"|read_realisations' $(READERS) /dev/null | \
-  sed -E 's|read_realisations|."table2_realisations"|; s|.*/(.*)\.py:.*"(.*)"|.make/\1.ran:results/\2.csv|'),$(eval $(rule)))
-results/%:
-	@echo '$@ is missing; git checkout brings it back, or make studies' >&2; exit 2
-
-NOTEBOOKS := $(notdir $(basename $(wildcard notebooks/[0-9]*.py notebooks/beyond/[0-9]*.py)))
-ORDER := $(shell sort -t , -k 2 -rn results/notebook_times.csv | cut -d , -f 1)
-STAMPS := $(patsubst %,.make/%.ran,$(filter $(NOTEBOOKS),$(ORDER)) $(filter-out $(ORDER),$(NOTEBOOKS)))
-
-.make/report.ran: results/kept_sha256.json $(wildcard results/*.csv results/outcomes/*.json workbook/*.*) $(PACKAGES)
-	$(RUN) report
+FORCE:

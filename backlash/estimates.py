@@ -37,7 +37,9 @@ class Request:
     options: LogOptions
     load: LoadData | None = None  # by which the torque tells the backlash
     arm_m: float | None = None  # at which the play is wanted in mm, too
-    is_quoted: bool = True  # whether a refusal may quote the file, which not only the user may have named
+    is_quoted: bool = (
+        True  # whether a refusal may quote the file, which not only the user may have named
+    )
 
 
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
@@ -129,7 +131,9 @@ def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
         kind = "" if isinstance(error, Refusal) else f"{name_of(log)}: {type(error).__name__}: "
         why = f"{kind}{error}"
         if isinstance(request, Request) and not request.is_quoted:
-            why = _QUOTED.sub(lambda quoted: quoted[0] if quoted[0] in repr(request) else "'...'", why)
+            why = _QUOTED.sub(
+                lambda quoted: quoted[0] if quoted[0] in repr(request) else "'...'", why
+            )
         return refused(log, why)
 
 

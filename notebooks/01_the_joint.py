@@ -360,7 +360,7 @@ workbook.show(
 ALPHA = 1e5
 share = K_BL(0.0, ALPHA) / joint.K_s
 jump = tau_l(-1e-15, ALPHA) - tau_l(1e-15, ALPHA)
-claims = measures.decide(measures.measure_dead_zone(joint))
+claims = measures.write_all(measures.measure_dead_zone(joint))
 workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at "
     f"{rings}; {by_terms}, two springs alone {springs.iloc[0]:.1f} Hz and no "

@@ -10,7 +10,7 @@ import pandas as pd
 from scipy.interpolate import CubicSpline
 
 import workbook
-from replication import figures, table2
+from replication import figures, published, table2
 from replication.joint import (
     change,
     identified_joint,
@@ -335,6 +335,16 @@ if compared:
         "peak_error": f"{table['peak_error_percent'].abs().max():.1f}",
     }
     cells["table2.row01.theoretical"] = table["peak_rps"][0]
+    printed = [published.value(cell) for cell in cells]
+    off = 100 * (pd.Series(cells) / printed - 1)
+    mean, sem = off.mean(), off.sem()
+    facts["theoretical"] = {
+        "largest": off.abs().max(),
+        "mean": mean,
+        "t": mean / sem,
+    }
+    engine_percent, engine_us = 100 * finest["nrmse"], 1e6 * finest["step_s"]
+    facts["engine"] = {"error_percent": engine_percent, "step_us": engine_us}
     beside = (
         f"{which} misses {len(records)} records by "
         f"{table['nrmse_percent'].mean():.1f} % of their SD on average and "

@@ -293,7 +293,7 @@ cells = {f"table2.row{row:02d}.noise": a for row, a in rows} | {
     "text.half_turn": lag / TURN,
 }
 clean = measures.measure_records(load_clean_records(CLEAN_LEVELS))
-claims = measures.decide(measures.measure_disturbance(clean))
+claims = measures.write_all(measures.measure_disturbance(clean))
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 step = peaks["amplitude_rps"].diff()

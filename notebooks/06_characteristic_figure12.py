@@ -266,7 +266,7 @@ cells |= dict(zip(ids, arithmetic["relative_error_percent"], strict=True))
 cells |= {f"text.{name}": number for name, number in of_text.items()}
 cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
 
-claims = measures.decide(measures.measure_equation_10(), criteria)
+claims = measures.write_all(measures.measure_equation_10())
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(
@@ -282,6 +282,7 @@ workbook.verdict(
     cells,
     claims,
     {"rounding_moves_A0": f"{rounding_moves[0]:.2f}"},
+    criteria=criteria,
 )
 
 # %% [markdown]

@@ -109,12 +109,13 @@ def numbers_of_the_text() -> dict[str, float]:
     return {name: float(number) for name, number in numbers.items()}
 
 
-def count_points(rows: pd.DataFrame) -> float:
-    """Count the `printed_rows`, from the first one, whose cubic has equation 10's printed coefficients; nan if none."""
+def count_points(rows: pd.DataFrame) -> int:
+    """Count the `printed_rows`, from the first one, whose cubic has equation 10's printed coefficients; 0 if none."""
     printed = 1e6 * printed_coefficients()[::-1]
+    rounding = published.half_last_digit(published.cells().at["equation10.A0", "printed"])
     for count in range(DEGREE + 2, len(rows) + 1):
         points = rows[:count]
         fitted = 1e6 * np.polyfit(RPM_PER_RPS * points["theoretical"], points["delta_rad"], DEGREE)
-        if np.abs(fitted - printed).max() <= published.tolerance("equation10.A0"):
+        if np.abs(fitted - printed).max() <= rounding:
             return count
-    return np.nan
+    return 0

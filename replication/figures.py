@@ -7,7 +7,6 @@ interval.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -135,29 +134,6 @@ def finish(figure: Figure, columns: int, loc: Any = "outside lower center") -> F
         with mpl.rc_context(STYLE):
             figure.legend(entries.values(), entries.keys(), loc=loc, ncols=columns)
     return figure
-
-
-def save(figure: Figure, folder: Path, name: str, mark: str = "") -> None:
-    """Write a figure as SVG and PNG, without anything that differs from run to run."""
-    folder.mkdir(parents=True, exist_ok=True)
-    if mark:
-        style: Style = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
-        figure.text(0.5, 0.5, mark, ha="center", va="center", **style)
-    with mpl.rc_context(STYLE):
-        about = {"Date": None, "Description": description(figure)}
-        figure.savefig(folder / f"{name}.svg", metadata=about)
-        figure.savefig(folder / f"{name}.png", dpi=200)
-
-
-def description(figure: Figure) -> str:
-    """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
-    panels = []
-    for axis in figure.axes:
-        labels = [
-            label.replace("\n", " ") for label in (axis.get_xlabel(), axis.get_ylabel()) if label
-        ]
-        panels.append(" versus ".join(labels[::-1]))
-    return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 
 def centre(axis: Axes) -> None:

@@ -1,7 +1,6 @@
-"""Every number the paper prints, once, from the data files; and the rules that decide its claims."""
+"""Every number the paper prints, once, from the data files."""
 
 import io
-import math
 from collections.abc import Mapping
 from decimal import Decimal
 from functools import cache
@@ -64,13 +63,6 @@ def value(cell: str) -> float:
     return float(cells().at[cell, "value"])
 
 
-def tolerance(cell: str) -> float:
-    """Largest difference from the printed value that is none, in the cell's unit."""
-    printed = cells()
-    absolute, relative = printed.at[cell, "abs_tol"], printed.at[cell, "rel_tol"]
-    return float(absolute + relative * abs(printed.at[cell, "value"]))
-
-
 def half_last_digit(printed: str) -> float:
     """Half a unit of a printed number's last digit, which is what rounding leaves open."""
     return 0.5 * 10.0 ** int(Decimal(printed.rstrip("%")).as_tuple().exponent)
@@ -91,34 +83,3 @@ def criterion(claim: str, criteria: Criteria = None) -> float:
             f"{', '.join(sorted(unknown))}: no such claim; there are {', '.join(known.index)}"
         )
     return float((criteria or {}).get(claim, known[claim]))
-
-
-def decide(
-    claim: str, measured: float | tuple[float, float], criteria: Criteria = None
-) -> bool | None:
-    """Decide a claim by its rule in `claims.csv`; None is undecided, as is whatever was not measured (nan).
-
-    `measured` is what the rule compares with the limit: one number; the two ends of an interval
-    where the rule's name begins with "interval"; p of the claim and p of its opposite for "p
-    below". A number within 1e-9 of the limit, relatively, is the limit: the last bits do not
-    decide. `criteria` are limits to try, as in `criterion`.
-    """
-    limit, rule = criterion(claim, criteria), table("claims").loc[claim, "rule"]
-    if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
-        raise ValueError(f"{claim}: the rule {rule!r} does not take {measured}")
-    numbers = np.ravel(measured).astype(float)
-    low, high = (
-        limit if math.isclose(x, limit, rel_tol=1e-9) else x for x in (numbers[0], numbers[-1])
-    )
-    digit = half_last_digit(str(limit)) * (1 + 1e-9)
-    holds, fails = {
-        "below": (low < limit, low >= limit),
-        "at most": (low <= limit, low > limit),
-        "above": (low > limit, low <= limit),
-        "at least": (low >= limit, low < limit),
-        "rounds to": (abs(low - limit) <= digit, abs(low - limit) > digit),
-        "p below": (low < limit, high < limit),
-        "interval below": (high < limit, low > limit),
-        "interval above": (low > limit, high < limit),
-    }[rule]
-    return True if holds else False if fails else None

@@ -118,6 +118,12 @@ def authors_checksums() -> dict[str, str]:
     return read_committed(published.DATA / "authors_sha256.txt", parse)
 
 
+def needed_checksums() -> dict[str, str]:
+    """SHA-256 of the files that the notebooks read, by their path in the authors' repository."""
+    registered = authors_checksums()
+    return {path: registered[path] for path in AUTHORS_FILES}
+
+
 def authors_file(path: str) -> Path:
     """Find one file of the authors' data, by its path in their repository, or download it."""
     return public_file(AUTHORS_URL + quote(path), path, authors_checksums()[path], "BACKLASH_DATA")

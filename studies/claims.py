@@ -27,7 +27,6 @@ from replication.records import Recording, authors_checksums
 from replication.signature import FloatArray
 from replication.table2 import SETTINGS, basin_labels
 
-Decision = tuple[bool | None, str]  # whether a claim holds (None: undecided), and what was measured
 Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words name several
 
 
@@ -201,20 +200,12 @@ def write_words(claim: str, numbers: Numbers) -> str:
 
 
 def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
-    """What the rule of each claim compares, and the words, by claim."""
+    """What the rule of each claim compares, and the words, as `workbook.verdict` takes them."""
     written: dict[str, Measured] = {}
     for claim, numbers in measured.items():
         compared: Any = tuple(float(numbers[name]) for name in CLAIMS[claim].compared)
         written[claim] = compared if len(compared) > 1 else compared[0], write_words(claim, numbers)
     return written
-
-
-def decide(measured: Mapping[str, Numbers], criteria: Criteria = None) -> dict[str, Decision]:
-    """Decide claims by what was measured of each, as `published.decide` does."""
-    return {
-        claim: (published.decide(claim, compared, criteria), words)
-        for claim, (compared, words) in write_all(measured).items()
-    }
 
 
 def span(numbers: pd.Series, form: str) -> str:

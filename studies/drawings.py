@@ -179,13 +179,17 @@ LOOKS: dict[bool | None, Style] = {
 
 
 @in_style
-def draw_margins(measured: Mapping[str, Numbers], criteria: published.Criteria = None) -> Figure:
+def draw_margins(
+    measured: Mapping[str, Numbers],
+    decided: Mapping[str, tuple[bool | None, str]],
+    criteria: published.Criteria = None,
+) -> Figure:
     """What was measured of each claim over its limit, sorted: left of 1 it holds, right of 1 it does not."""
     compared = {claim: numbers for claim, (numbers, _) in write_all(measured).items()}
     ends = sorted((*margin(claim, compared[claim], criteria), claim) for claim in compared)
     figure, axis = panel(0.6 + 0.22 * len(ends))
     for row, (low, high, claim) in enumerate(ends):
-        look = LOOKS[published.decide(claim, compared[claim], criteria)]
+        look = LOOKS[decided[claim][0]]
         axis.plot(np.clip([low, high], 1.2e-2, 80), [row, row], markersize=5, **look)
     axis.axvline(1, **DOTTED | {"linewidth": 1.2})
     axis.set_yticks(range(len(ends)), [claim.replace("_", " ") for *_, claim in ends])

@@ -157,6 +157,12 @@ def measure_log(name: str) -> dict[str, Any]:
     return about | fit_rigid_load(log).to_dict()
 
 
+def count_refusals(answers: pd.DataFrame) -> dict[str, Any]:
+    """Count logs, those that the sensor refuses, and its reasons, the usual one first, of `measure_all`."""
+    reasons = answers.loc[answers["verdict"] == "cannot tell", "reason"].value_counts()
+    return {"logs": len(answers), "refused": reasons.sum(), "reasons": [*reasons.items()]}
+
+
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
     """By how much motor and load part [rad] with the sign of torque and speed, if that changes, with 95 % intervals.
 

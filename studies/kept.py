@@ -1,7 +1,8 @@
 """The tables that `make all` does not make, each with the command that makes it; a row of one made again.
 
-`python -m studies.kept TABLE:POSITION,POSITION... TABLE:...` makes rows again, under the settings that the studies run
-under, and prints them as the table has them: behaviour decides whether a kept table is still what today's code makes.
+`python -m studies.kept TABLE:POSITION,POSITION... TABLE...` makes rows again, or one, under the settings that the
+studies run under, and prints them as the table has them: behaviour decides whether a kept table is still what today's
+code makes.
 """
 
 import os
@@ -113,4 +114,7 @@ if __name__ == "__main__":
     os.environ |= pinned_environment()
     for argument in sys.argv[1:]:
         name, _, positions = argument.partition(":")
+        if name in TIMED:
+            sys.exit("times of a day and a machine")
+        positions = positions or str(KEPT[name].first)
         sys.stdout.buffer.write(remake(name, [*map(int, positions.split(","))]))

@@ -344,7 +344,10 @@ def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) ->
         "starts": {
             each: describe_start(realisations, multiverse, each) for each in (WHOLE, *DRAWN)
         },
-        "p": together.set_index(["numbers", "score"])["p"].to_dict(),
+        "p": {
+            numbers: of_score.set_index("score")["p"].to_dict()
+            for numbers, of_score in together.groupby("numbers")
+        },
         "least_p": float(together["least_p"].min()),
         "sds_hang_on": find_what_decides(multiverse, WHOLE, "SDs"),
         "scores": len(SCORES_OF_MEANS),

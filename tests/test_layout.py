@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 MAY_IMPORT = {
     "replication": set(),
     "backlash": {"replication"},
-    "workbook": {"replication", "studies"},
+    "workbook": {"replication"},
     "studies": {"replication", "backlash"},
 }
 
@@ -42,6 +42,12 @@ def modules(package: str) -> dict[str, set[str]]:
 def test_a_package_imports_only_those_below_it(package):
     for file, names in modules(package).items():
         assert {name.partition(".")[0] for name in names} <= MAY_IMPORT[package] | {package}, file
+
+
+def test_the_machine_imports_of_ours_what_reads_and_writes_files_alone():
+    for file, names in modules("workbook").items():
+        ours = {name for name in names if not name.startswith("workbook")}
+        assert all(name.startswith("replication.files") for name in ours), file
 
 
 def test_a_notebook_of_the_paper_imports_the_papers_package_the_workbook_and_studies():

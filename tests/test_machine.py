@@ -13,7 +13,7 @@ from backlash import example
 from replication import compilation, joint, published, records
 from replication.files import UserError
 from tests.logs import command, noisy, write
-from workbook import judging, report
+from workbook import judging, report, stamps
 from workbook.__main__ import main as workbook_command
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -42,11 +42,11 @@ def test_the_shell_never_sees_where_the_checkout_lies(tmp_path):
     assert not list(tmp_path.rglob("PWNED"))
 
 
-def test_make_all_ends_where_it_cannot_ask_what_is_still_there(tmp_path):
-    for name in ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/small.ran"):
+def test_make_all_ends_where_it_cannot_ask_what_is_due(tmp_path):
+    for name in ("pyproject.toml", "requirements.lock", ".venv/.installed"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
-    settings = ["--no-print-directory", "PY=false", "STAMPS=.make/small.ran"]
+    settings = ["--no-print-directory", "RUN=false"]
     ended = run("make", "-f", ROOT / "Makefile", "all", *settings, cwd=tmp_path)
     assert (ended.returncode, ended.stdout) == (2, "")
 
@@ -68,21 +68,16 @@ def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
         monkeypatch.setattr(judging, name, lambda results: None)
     monkeypatch.setattr(report, "list_verdicts", lambda *results: "34 µrad\nthe end")
     monkeypatch.setattr(report, "find_surprises", lambda verdicts: [])
+    monkeypatch.setattr(stamps, "refuse_faults", lambda **which: None)
     assert workbook_command(["check"]) == 0
     assert console.buffer.getvalue().splitlines()[-1] == b"the end"
 
 
 def test_a_package_that_is_gone_is_named_with_what_brings_it_back(monkeypatch, capsys):
     monkeypatch.delenv("BACKLASH_DATA", raising=False)
-    monkeypatch.setitem(sys.modules, "workbook.sources", None)
+    monkeypatch.setitem(sys.modules, "workbook.project", None)
     assert workbook_command(["check"]) == 2
     assert_one_line(capsys.readouterr().err, "remove .venv, and make")
-
-
-def test_make_names_the_list_of_kept_tables_where_it_is_gone(tmp_path):
-    ended = run("make", "-f", ROOT / "Makefile", ".make/report.ran", cwd=tmp_path)
-    assert ended.returncode == 2
-    assert "results/kept_sha256.json is missing; git checkout brings it back" in ended.stderr
 
 
 def test_an_example_that_was_cut_is_named_and_nothing_is_written(tmp_path, monkeypatch):

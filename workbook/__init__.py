@@ -2,17 +2,17 @@
 
 from importlib import import_module
 
-from replication.files import ROOT
-
 # What notebooks call; `python -m workbook` needs none of it.
 _MODULE_OF = {
+    "ROOT": "project",
     "Change": "teaching",
     "ParameterError": "parameters",
     "check_answer": "teaching",
     "check_bounds": "parameters",
     "check_parameters": "parameters",
     "explain": "parameters",
-    "flipbook": "animation",
+    "decide_all": "judging",
+    "flipbook": "pictures",
     "judge": "judging",
     "read_kept": "outcomes",
     "say": "outcomes",
@@ -23,7 +23,7 @@ _MODULE_OF = {
     "try_changing": "teaching",
     "verdict": "judging",
 }
-__all__ = ["ROOT", *_MODULE_OF]
+__all__ = [*_MODULE_OF]
 
 
 def __getattr__(name: str) -> object:

@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.files import ROOT, UserError, as_json, write_bytes, write_files
+from replication.files import UserError, as_json, write_bytes, write_files
 from workbook.parent import end_with_make
 
 
@@ -17,9 +17,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; return the exit status: 0 done, 2 the input is not usable, 1 anything else."""
     parser = argparse.ArgumentParser(prog="python -m workbook", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (run, report, check, verify, lab, data):
+    for command in (due, run, report, check, verify, lab, data):
         commands.add_parser(command.__name__, help=command.__doc__).set_defaults(command=command)
     commands.choices["run"].add_argument("notebook", type=Path, help="a notebook's .py source")
+    commands.choices["verify"].add_argument(
+        "--full", action="store_true", help="make a row of each kept table again, too"
+    )
     options = vars(parser.parse_args(arguments))
     end_with_make()
     if sys.stdout is None:
@@ -50,12 +53,25 @@ def main(arguments: list[str] | None = None) -> int:
 
 def find_folders() -> None:
     """Make the folders of data that the environment names absolute: a kernel starts in another one."""
-    for variable in ("BACKLASH_DATA", "HARDWARE_LOGS"):
+    from workbook.project import ROOT, read_settings
+
+    for variable in read_settings(ROOT).get("folders", ()):
         if value := os.environ.get(variable):
             folder = Path(value).expanduser().resolve()
             if not folder.is_dir():
                 raise UserError(f"{variable}={value}: no such folder; correct or unset it")
             os.environ[variable] = str(folder)
+
+
+def due() -> None:
+    """Print the goal of each notebook that is due."""
+    from workbook.project import ROOT
+    from workbook.stamps import drop_stale_caches, find_due
+
+    if not os.access(ROOT, os.W_OK):
+        raise UserError("This folder is read-only: copy it to where you may write, then run make")
+    drop_stale_caches()
+    print(*(f"run/{source.relative_to(ROOT)}" for source in find_due()))
 
 
 def run(notebook: Path) -> None:
@@ -69,28 +85,36 @@ def run(notebook: Path) -> None:
 
 def report() -> None:
     """Write the verdicts, report.md, what the results are made from, and README's status, all or none; then check."""
-    from workbook.report import write_report
-    from workbook.sources import RESULTS, refuse_missing
-    from workbook.stamps import new_stamp
+    from workbook.project import ROOT
+    from workbook.stamps import REPORT, find_why_due, new_stamp, refuse_faults, stamp_file
 
-    refuse_missing()
-    written = write_report(RESULTS, ROOT / "README.md")
-    write_bytes(ROOT / ".make" / "report.ran", new_stamp(ROOT, written))
+    refuse_faults()
+    if not find_why_due(ROOT, REPORT):
+        print("results/report.md is up to date")
+        return
+    from workbook.report import write_report
+
+    written = write_report()
+    write_bytes(stamp_file(ROOT, REPORT), new_stamp(ROOT, written))
     print(written[0])
     _print_verdicts()
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
-    from workbook.sources import refuse_missing
+    from workbook.stamps import REPORT, refuse_faults
 
-    refuse_missing()
+    refuse_faults()
+    refuse_faults(names=[REPORT])
+    from workbook.report import make_report, refuse_stale
+
+    refuse_stale(make_report())
     return _print_verdicts()
 
 
 def _print_verdicts() -> int:
     from workbook import judging, report
-    from workbook.sources import RESULTS
+    from workbook.project import RESULTS
 
     verdicts = judging.verdicts(RESULTS)
     print(report.list_verdicts(verdicts, judging.claims(RESULTS)))
@@ -100,13 +124,12 @@ def _print_verdicts() -> int:
     return int(bool(surprises))
 
 
-def verify() -> int:
+def verify(full: bool) -> int:
     """Write to verification.json and .md what ran here and whether it made what is committed; exit 1 if not."""
     from workbook.certificate import certify, find_differences, write_certificate
-    from workbook.sources import refuse_missing
+    from workbook.project import ROOT
 
-    refuse_missing()
-    about = certify()
+    about = certify(full)
     page = write_certificate(about)
     written = {"verification.json": as_json(about), "verification.md": page.encode()}
     write_files({ROOT / name: content for name, content in written.items()})
@@ -124,10 +147,11 @@ def lab() -> None:
 
 
 def data() -> None:
-    """Fetch and verify the authors' files."""
-    from replication.records import AUTHORS_FILES, authors_file
+    """Fetch and verify the public data."""
+    from workbook.project import find_hook
+    from workbook.report import list_data
 
-    print(*(authors_file(path) for path in AUTHORS_FILES), sep="\n")
+    print(*(find_hook("fetch")(name) for name in list_data()), sep="\n")
 
 
 if __name__ == "__main__":

@@ -6,7 +6,9 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
-project = "A virtual sensor for backlash: the replication"
+from workbook.project import ROOT, read_settings
+
+project = read_settings(ROOT)["title"]
 extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 root_doc = "results/report"
 include_patterns = ["results/report.md", "notebooks/**"]
@@ -56,6 +58,8 @@ FIRST_PAGE = '<meta http-equiv="refresh" content="0; url=results/report.html">\n
 
 def setup(app: Sphinx) -> None:
     """Add the contents to the report, a first page that leads to it, and what a keyboard or a screen reader needs."""
+    # It adds a script, and reads no page; by itself it does not say so.
+    app.extensions["sphinx-mathjax-offline"].parallel_read_safe = True
     app.add_js_file(None, body=FOCUS)
     app.connect("html-page-context", give_captions_a_level, priority=900)  # after the theme
     app.connect("source-read", add_contents)

@@ -4,34 +4,53 @@ import asyncio
 import atexit
 import fcntl
 import hashlib
+import json
 import os
+import re
 import shlex
 import shutil
 import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import joblib
 import jupytext
 import nbformat
 import psutil
 from nbclient import NotebookClient
-from nbclient.exceptions import CellControlSignal, CellExecutionError
+from nbclient.exceptions import CellControlSignal, CellExecutionError, DeadKernelError
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication.compilation import pinned_environment
-from replication.files import ROOT, DataUnavailable, UserError, write_bytes, write_files, write_text
-from workbook.sources import listed_exports
-from workbook.stamps import new_stamp
+from replication.files import (
+    DataUnavailable,
+    UserError,
+    as_json,
+    write_bytes,
+    write_files,
+    write_text,
+)
+from workbook.kernel import READ, read_notes
+from workbook.project import ROOT, notebook_sources, pin_environment, read_settings
+from workbook.stamps import (
+    add_record,
+    digest_code,
+    drop_stale_caches,
+    new_stamp,
+    record_file,
+    stamp_file,
+)
 
 CELL_TIMEOUT_S = 900
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
 HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
-SIMULATED = """**On our simulated records in place of the authors', whose files could not be had. The \
-committed results, from the authors' data, are untouched; `make data` fetches them.**"""
+NOTHING: dict[str, Any] = {"cells": [], "claims": [], "facts": {}}  # for the report
+UNSET = ("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONINSPECT", "PYTHONSTARTUP")
+# What a library says on stderr, and does not matter.
+HARMLESS = re.compile(r"Matplotlib is building the font cache; this may take a moment\.\n")
 
 
 class NotebookFailed(UserError):
@@ -40,38 +59,45 @@ class NotebookFailed(UserError):
     exit_status = 1
 
 
-def run(source: Path) -> str:
-    """Execute a notebook and put what it makes in place, beside its folder `notebooks`; say how it ended.
+def run(source: Path, project: Path = ROOT) -> str:
+    """Execute a notebook and put what it makes in place, in the project's folder; say how it ended.
 
-    Where the authors' files can't be had it runs on our simulated records, into `results/offline`. A
-    stamp, `.make/NAME.ran`, says that it ran on what it asks for, and what it made. A second run of it waits for the
-    first. This process gets the environment of its kernel.
+    Where data can't be had it runs on simulated ones, if the project has such, into `results/offline`. Its outcome says
+    what it was made from; a stamp, that it ran here. A second run of it waits for the first. This process gets the
+    environment of its kernel.
 
     Raises
     ------
     NotebookFailed
-        A cell failed, or its kernel or the disk did; what it got to lies in `.make`.
+        A cell failed or said something on stderr, or its kernel or the disk failed; what it got to lies in `.make`.
     UserError
         The source is none, or its `.ipynb` was edited.
     """
-    project, name = find_project(source), source.stem
+    source = find_source(source, project)
+    name = source.stem
     notebook = read_notebook(source, "correct it")
     refuse_edited(source, notebook)
     start = time.monotonic()
     where = ""
+    stamp = stamp_file(project, name)
+    simulated = read_settings(project).get("simulated")
     try:
         os.environ |= kernel_environment(project)
-        stamp = project / ".make" / f"{name}.ran"
+        drop_stale_caches(project)
         with stamp.with_suffix(".lock").open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
                 made = _execute_into(project, source, project)
                 write_bytes(stamp, new_stamp(project, made, time.monotonic() - start))
             except DataUnavailable:
-                os.environ["BACKLASH_RECORDS"] = "simulated"
-                _execute_into(project / "results" / "offline", source, project, SIMULATED)
-                where = " on our simulated records"
+                if not simulated:
+                    raise
+                os.environ[simulated["variable"]] = "simulated"
+                offline, warning = project / "results" / "offline", simulated["warning"]
+                _execute_into(offline, source, project, warning)
+                where = f" on {simulated['mark']}"
     except DataUnavailable as missing:
+        write_bytes(stamp, new_stamp(project, [], lacks=str(missing)))
         return f"{name}: not run: {missing}; its committed results stay"
     except OSError as error:
         raise NotebookFailed(
@@ -80,13 +106,12 @@ def run(source: Path) -> str:
     return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 
-def find_project(source: Path) -> Path:
-    """Find the folder that holds `notebooks`, with a notebook's source in it."""
-    folders = [path.parent for path in source.resolve().parents if path.name == "notebooks"]
-    if source.suffix != ".py" or not source.is_file() or not folders:
-        example = "such as notebooks/08_noise_table2.py"
-        raise UserError(f"{source}: give the .py source of a notebook, {example}")
-    return folders[0]
+def find_source(file: Path, project: Path) -> Path:
+    """Find a notebook of the project by the file of its source, whichever links lead there."""
+    for name, source in notebook_sources(project).items():
+        if file.name == f"{name}.py" and file.exists() and file.samefile(source):
+            return source
+    raise UserError(f"{file}: give the .py source of a notebook of {project}")
 
 
 def read_notebook(file: Path, advice: str) -> NotebookNode:
@@ -105,12 +130,12 @@ def refuse_edited(source: Path, notebook: NotebookNode) -> None:
     executed = source.with_suffix(".ipynb")
     if not executed.exists():
         return
-    left = read_notebook(executed, "delete it, and it is made again")
+    left = read_notebook(executed, "delete it, with any edits in it, and it is made again")
     there = cells_sha256(left)
     if there not in (left.metadata.get(HASH, there), cells_sha256(notebook)):
         raise UserError(
             f"{executed}: edited, and left as it is; .venv/bin/jupytext --to py:percent {shlex.quote(str(executed))} "
-            "takes the edits over into the .py, or delete it"
+            "takes the edits over into the .py; or delete it, and the edits with it"
         )
 
 
@@ -127,14 +152,15 @@ def kernel_environment(project: Path) -> dict[str, str]:
     for name in folders:
         (settings / name).mkdir(parents=True, exist_ok=True)
     return {
-        **pinned_environment(),
+        **pin_environment(),
         **{name: str(settings / name) for name in folders},
-        **dict.fromkeys(("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONSTARTUP"), ""),
+        **dict.fromkeys(UNSET, ""),
         "MATPLOTLIBRC": str(settings / "none"),
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-        "BACKLASH_RECORDS": "",
+        read_settings(project).get("simulated", {}).get("variable", "SIMULATED"): "",
         "PYTHONHASHSEED": "0",
-        "PYTHONPATH": str(ROOT),
+        "PYTHONPATH": os.pathsep.join([str(project), str(Path(__file__).parents[1])]),
+        "TQDM_DISABLE": "1",  # a bar of progress is text on stderr
         "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
     }
 
@@ -153,7 +179,8 @@ def available_memory() -> int:
 
 
 def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> list[Path]:
-    """Execute a source; put what it makes, which has to be what it lists, where it belongs, all or none."""
+    """Execute a source; put what it makes, and the record of what it was made from, where it belongs, all or none."""
+    code = digest_code(project, source)
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
@@ -166,26 +193,26 @@ def _execute_into(destination: Path, source: Path, project: Path, warning: str =
     try:
         os.environ |= {"REPLICATION_OUT": str(staging), "REPLICATION_NOTEBOOK": source.stem}
         execute(notebook, source, project / ".make" / f"{source.stem}.failed.ipynb")
-        executed = staging / source.resolve().relative_to(project).with_suffix(".ipynb")
+        executed = staging / source.relative_to(project).with_suffix(".ipynb")
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)
+        read = read_notes(staging / READ)
         made = {
-            destination / file.relative_to(staging): file.read_bytes()
+            file.relative_to(staging).as_posix(): file.read_bytes()
             for file in staging.rglob("*")
-            if file.is_file()
+            if file.is_file() and file.name != READ
         }
-        listed = {destination / name for name in listed_exports(source)}
-        for file in sorted(listed ^ {*made}):
-            what = "not made" if file in listed else "made, and named in no call of the source"
-            raise NotebookFailed(f"{source.name}: {file.relative_to(destination)}: {what}")
-        write_files(made)
+        record = record_file(project, source.stem).relative_to(project).as_posix()
+        said = NOTHING | json.loads(made.pop(record, b"{}"))
+        made[record] = as_json(add_record(said, code, read, made))
+        write_files({destination / name: content for name, content in made.items()})
     finally:
         shutil.rmtree(staging, ignore_errors=True)
-    return [*made]
+    return [destination / name for name in made]
 
 
 def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
-    """Execute a notebook's cells in place, in the source's folder; progress bars leave no trace in it.
+    """Execute a notebook's cells in place, in the source's folder.
 
     What one that fails got to is written to `partial`.
     """
@@ -196,46 +223,75 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
         record_timing=False,
         shutdown_kernel="immediate",
+        extra_arguments=["--IPKernelApp.exec_lines=__import__('workbook.kernel').kernel.watch()"],
         resources={"metadata": {"path": str(source.parent)}},
     )
-    client.on_notebook_start = lambda notebook: _end_together(client)
+    started: list[subprocess.Popen] = []
+    client.on_notebook_start = lambda notebook: started.append(_end_together(client))
     log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
+    cause: Exception | None = None
     try:
         with log.open("wb") as file:
             client.execute(stderr=file)
         log.unlink()
+        del notebook.metadata["language_info"][
+            "version"
+        ]  # its third number, on which nothing depends
+        why = take_stderr(notebook)
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
         atexit.unregister(client._cleanup_kernel)  # of a kernel that never was
-        why = " ".join([str(error).partition("\n")[0], *log.read_text().splitlines()[-1:]])
-        if isinstance(error, CellExecutionError):
-            if error.ename == "DataUnavailable":
-                raise DataUnavailable(error.evalue) from error
-            why = f"{error.ename}: {error.evalue}".partition("\n")[0]
+        if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
+            raise DataUnavailable(error.evalue) from error
+        cause = error
+        why = f"code cell {client.code_cells_executed}: {explain_failure(error, started, log)}"
+    if why:
         write_text(partial, nbformat.writes(notebook))
-        raise NotebookFailed(
-            f"{source.name}, code cell {client.code_cells_executed}: {why}; "
-            f"what it got to is in {partial}"
-        ) from error
-    for cell in notebook.cells:
-        if cell.cell_type == "code":
-            cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
-    # To the third number, which results don't depend on.
-    del notebook.metadata["language_info"]["version"]
+        raise NotebookFailed(f"{source.name}, {why}; what it got to is in {partial}") from cause
 
 
-def _end_together(client: NotebookClient) -> None:
+def take_stderr(notebook: NotebookNode) -> str:
+    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it."""
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for number, cell in enumerate(code, 1):
+        said = "".join(each.text for each in cell.outputs if each.get("name") == "stderr")
+        if unknown := HARMLESS.sub("", said).strip():
+            return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
+        cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
+    return ""
+
+
+def explain_failure(error: Exception, started: list[subprocess.Popen], log: Path) -> str:
+    """Say in a line why a cell, or the kernel, did not end well."""
+    if isinstance(error, CellExecutionError):
+        return f"{error.ename}: {error.evalue}".partition("\n")[0]
+    why = str(error).partition("\n")[0]
+    if isinstance(error, DeadKernelError) and started:
+        status = started[0].wait()
+        how = f"it ended itself, with status {status}"
+        if status < 0:
+            how = f"by {signal.Signals(-status).name}"
+        if status == -signal.SIGKILL:
+            how = "killed: out of memory?"
+        return f"the kernel died: {how}"
+    if not started:
+        why = " ".join([why, *log.read_text(errors="replace").splitlines()[-1:]])
+    return why
+
+
+def _end_together(client: NotebookClient) -> subprocess.Popen:
     """Kill a kernel and its workers when this process ends, however it does: then the pipe closes.
 
-    A signal ends it, in place of what nbclient does at one.
+    A signal ends it, in place of what nbclient does at one. Returns the kernel's process.
     """
     for each in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().remove_signal_handler(each)
     atexit.unregister(client._cleanup_kernel)
     assert client.km is not None
-    group = client.km.provisioner.pgid  # type: ignore[union-attr]
+    provisioner: Any = client.km.provisioner
     subprocess.Popen(
-        ["sh", "-c", f"read -r line; kill -s KILL -- -{group}"],
+        ["sh", "-c", f"read -r line; kill -s KILL -- -{provisioner.pgid}"],
         stdin=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
+    return provisioner.process

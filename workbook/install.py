@@ -17,7 +17,7 @@ import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, distributions, version
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from workbook.parent import make_lives
 VENV = Path(".venv")
 PYTHON = str(VENV / "bin" / "python")
 LOCK = Path("requirements.lock")
+MARK = "all.lock"  # in .venv, by which it is ours
 BASE = (
     "--requirement",
     "pyproject.toml",
@@ -89,11 +90,13 @@ def main(stamp: Path) -> None:
     with only_one():
         if stamp.name != ".installed":
             made_from.append(VENV / ".installed")
-        if stamp.exists() and all(_time(stamp) >= _time(file) for file in made_from):
+        is_base = stamp.name == ".installed"
+        is_new = stamp.exists() and all(_time(stamp) >= _time(file) for file in made_from)
+        if is_new and (has_this_python() or not is_base):
             return
-        if stamp.name == ".installed":
+        if is_base:
             make_environment()
-        group = [] if stamp.name == ".installed" else ["--group", stamp.name[1:]]
+        group = [] if is_base else ["--group", stamp.name[1:]]
         install(group or BASE)
         if lacks := find_lacking(group[1:] or ["workbook"], is_base=not group):
             sys.exit(
@@ -132,19 +135,47 @@ def make_environment() -> None:
 
     The path to them is relative, so that a copied or moved checkout finds its own.
     """
-    shutil.rmtree(VENV, ignore_errors=True)
+    clear_environment()
+    uv, other = split_lock(LOCK.read_text("utf-8"))
+    (VENV / "uv.lock").write_text(uv)
+    (VENV / MARK).write_text(other)
     run([sys.executable, "-m", "venv", "--without-pip", str(VENV)], environment()) or sys.exit(2)
     (site,) = VENV.glob("lib/python*/site-packages")
     (site / "checkout.pth").write_text("../../../..\n")
     console = VENV / "bin" / "backlash"
     console.write_text(CONSOLE)
     console.chmod(0o755)
-    uv, other = split_lock(LOCK.read_text("utf-8"))
-    (VENV / "uv.lock").write_text(uv)
-    (VENV / "all.lock").write_text(other)
     print("The locked versions are being installed into .venv", flush=True)
     if not shutil.which("uv"):
         run_pip(VENV / "uv.lock")
+
+
+def has_this_python() -> bool:
+    """Whether .venv has the Python, to its second number, that this is."""
+    about = VENV / "pyvenv.cfg"
+    numbers = re.escape(".".join(map(str, sys.version_info[:2])))
+    return about.exists() and bool(re.search(rf"(?m)^version = {numbers}\.", about.read_text()))
+
+
+def clear_environment() -> None:
+    """Empty .venv, or make it; end where it is another's. What was added to it by hand is named."""
+    is_ours = VENV.is_dir() and ((VENV / MARK).exists() or not any(VENV.iterdir()))
+    if not is_ours and (VENV.exists() or VENV.is_symlink()):
+        sys.exit(f"{VENV}: not made by this Makefile, and left as it is; move it away")
+    if added := find_added():
+        print(f"Packages that were added to {VENV} by hand go: {', '.join(added)}")
+    VENV.mkdir(exist_ok=True)  # a link, or a disk of its own, stays
+    for each in VENV.iterdir():
+        shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
+
+
+def find_added() -> list[str]:
+    """Find the packages in .venv that the lock which it was made from does not have."""
+    lock = (VENV / MARK).read_text("utf-8") if (VENV / MARK).exists() else ""
+    locked = {*re.findall(r"(?m)^([\w.-]+)==", lock), "pip", "setuptools", "uv"}
+    sites = [str(site) for site in VENV.glob("lib/python*/site-packages")]
+    there = {re.sub(r"[-_.]+", "-", each.name).lower() for each in distributions(path=sites)}
+    return sorted(there - locked)
 
 
 def split_lock(text: str) -> tuple[str, str]:
@@ -163,7 +194,7 @@ def install(what: Sequence[str]) -> None:
         command += ["--python", PYTHON, "--require-hashes", "--constraint", str(LOCK), *what]
         if run(command, environment() | path):
             return
-    run_pip(VENV / "all.lock") or sys.exit(2)
+    run_pip(VENV / MARK) or sys.exit(2)
 
 
 def run_pip(lock: Path) -> bool:

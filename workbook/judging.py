@@ -1,18 +1,20 @@
 """Verdicts: does a printed number lie in our interval, how far might it have moved, where does ours come from.
 
-1. A notebook exports one number for a printed number; for a mean or an SD of Table 2, realisations by setting.
-2. The interval of one number is ours plus and minus the tolerance of `cells.csv`; of a printed upper bound, whatever
-   is not below ours. The interval of realisations is the 95 % prediction interval of all of them together, by order
-   statistics, and ours is their median.
+1. A notebook exports one number for a printed number; or realisations of it, by setting.
+2. The interval of one number is ours plus and minus the tolerance of its row in the table of cells; of a printed upper
+   bound, whatever is not below ours. The interval of realisations is what the settings' `interval` makes of all of
+   them together, and ours is their median.
 3. `agrees`: the printed number lies in the interval. `differs`: it does not. `not tested`: ours is a stand-in's or
    was taken over, no notebook computed it, or too few realisations give an interval.
 4. `resolution`: how far below and above ours the printed number might have been, and agreed. `weak`: twice the
    printed number, or half of it, would have agreed, too.
+5. A claim holds, or does not, or is undecided, by the rule and the limit of its row in the table of claims.
 """
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from decimal import Decimal
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -20,33 +22,30 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from replication import published
 from replication.files import UserError
-from replication.records import records_are_simulated
 from workbook.outcomes import (
     OUTPUT_FOLDER,
     Cells,
-    Claims,
     Numbers,
     cell_rows,
-    claim_rows,
+    data_are_simulated,
     load_outcomes,
     read_made,
+    read_table,
     save_outcome,
-    source_of,
 )
+from workbook.project import find_hook
 
-AGREEMENTS = ("agrees", "differs", "not tested")
-SOURCES = {
-    "recomputed": "our search, on the authors' clean records with uniform noise of Table 2's amplitudes",
-    "authors' files": "read or measured from them",
-    "simulated joint": "the joint that we identified from the authors' records",
-    "the paper's own numbers": "arithmetic between printed numbers, which shows consistency alone",
-    "stand-in": "simulated in place of unpublished logs; not tested",
-    "taken over": "assumed as printed; not tested",
-}
+CONSISTENT = "the paper's own numbers"  # a source, whose numbers show that the paper is consistent with itself
 NOT_TESTED = ("stand-in", "taken over")
+GRADES = ("agrees", "agrees weakly", "consistent", "differs", "not tested")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
+
+Criteria = Mapping[str, float] | None  # limits to try in place of those of the table, by claim
+Measured = Mapping[str, tuple[Any, str]]  # by claim what its rule compares, and in words
+
+
+# ----------------------------------------------------------------------------------------------------------- numbers
 
 
 def _pooled(numbers: Numbers) -> list[float]:
@@ -54,22 +53,14 @@ def _pooled(numbers: Numbers) -> list[float]:
     return [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
 
 
-def interval(cell: str, numbers: Numbers) -> tuple[float, float]:
-    """Rule 2: the numbers that agree with ours."""
-    if isinstance(numbers, Mapping):
-        from studies.intervals import prediction_interval  # with SciPy, slow to import
-
-        return prediction_interval(_pooled(numbers))
-    tolerance = published.tolerance(cell)
-    is_bound = published.cells().at[cell, "kind"] == "bound"
-    return numbers - tolerance, math.inf if is_bound else numbers + tolerance
-
-
-def resolution(cell: str, ours: float, low: float, high: float) -> str:
+def resolution(row: Any) -> str:
     """Rule 4, in words: "-4.3 % to +2.4 %"; of an SD factors: "1/4.3 to 21 times"; of a number about zero, its ends."""
+    low, ours, high = row.low, row.reproduced, row.high
+    if row.agreement == "not tested":
+        return ""
     if math.isinf(high):
         return "anything above"
-    if cell.endswith(".sd"):
+    if row.Index.endswith(".sd"):
         return f"1/{ours / low:.2g} to {high / ours:.2g} times"
     if low <= 0 <= high:
         return f"{low - ours:+.2g} to {high - ours:+.2g}"
@@ -77,105 +68,169 @@ def resolution(cell: str, ours: float, low: float, high: float) -> str:
     return f"{ends[0]:+.2g} % to {ends[1]:+.2g} %"
 
 
-def is_weak(printed: float, low: float, high: float) -> bool:
-    """Rule 4: whether an interval would hold twice a printed number, or half of it."""
-    return any(low <= factor * printed <= high for factor in (0.5, 2))
+def count_realisations(printed: float, numbers: Numbers) -> str:
+    """Say under how many settings alone a printed number agrees, and how many realisations lie below it."""
+    if not isinstance(numbers, Mapping):
+        return ""
+    pooled, alone = _pooled(numbers), [find_hook("interval")(each) for each in numbers.values()]
+    words = f"; {sum(x < printed for x in pooled)} of {len(pooled)} realisations lie below the printed number"
+    if np.isfinite(alone).all():
+        agreeing = sum(low <= printed <= high for low, high in alone)
+        words = f"; agrees under {agreeing} of {len(alone)} settings alone{words}"
+    return words
 
 
-def judge_number(id: str, source: str, numbers: Numbers, notebook: str = "") -> dict[str, Any]:
-    """Compare ours with one printed number: a row of `verdicts.csv`."""
-    printed = published.cells().loc[id]
-    value, reason = float(printed["value"]), printed["reason"]
-    low, high = interval(id, numbers)
-    ours = float(numbers) if not isinstance(numbers, Mapping) else math.nan
-    if isinstance(numbers, Mapping):
-        pooled = _pooled(numbers)
-        ours = float(np.median(pooled))
-        alone = [interval(id, {name: each}) for name, each in numbers.items()]
-        if np.isfinite(alone).all():
-            agreeing = sum(start <= value <= end for start, end in alone)
-            reason += f"; agrees under {agreeing} of {len(alone)} settings alone"
-        below = sum(number < value for number in pooled)
-        reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
-    agreement = "not tested"
-    if printed["source"] in NOT_TESTED:  # whatever an outcome says
-        pass
-    elif not math.isfinite(ours):
-        reason = "no notebook computed it"
-    elif not math.isfinite(low):
-        reason = "too few realisations for an interval"
-    elif low <= value <= high:
-        agreement = "agrees"
-    else:
-        agreement = "differs"
-        reason = f"{printed['known_difference'] or 'no explanation known'}; {reason}"
-    return {
-        "id": id,
-        "printed": printed["printed"],
-        "published": value,
-        "reproduced": ours,
-        "low": low,
-        "high": high,
-        "agreement": agreement,
-        "weak": "yes" if agreement == "agrees" and is_weak(value, low, high) else "",
-        "source": source,
-        "resolution": "" if agreement == "not tested" else resolution(id, ours, low, high),
-        "reason": reason,
-        "notebook": notebook,
-    }
+def judge_numbers(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Compare ours with printed numbers: rows `id, source, numbers, notebook` become those of `verdicts.csv`, by id."""
+    columns = ["id", "source", "numbers", "notebook"]
+    ours = pd.DataFrame([{"notebook": ""} | dict(row) for row in rows], columns=columns)
+    ours = ours.set_index("id")
+    table = ours.join(read_table("cells").rename(columns={"source": "expected"}))
+    value, pooled = table["value"].astype(float), table["numbers"].map(_pooled)
+    table["published"], table["reproduced"] = value, pooled.map(np.median).astype(float)
+    tolerance = table["abs_tol"] + table["rel_tol"] * value.abs()
+    many = pooled[table["numbers"].map(lambda each: isinstance(each, Mapping))]
+    ends = pd.DataFrame(
+        [find_hook("interval")(each) for each in many], many.index, ["low", "high"], dtype=float
+    )
+    high = (table["reproduced"] + tolerance).mask(table["kind"] == "bound", np.inf)
+    table["low"] = ends["low"].reindex(table.index).fillna(table["reproduced"] - tolerance)
+    table["high"] = ends["high"].reindex(table.index).fillna(high)
+
+    def holds(factor: float) -> pd.Series:
+        return (factor * value).between(table["low"], table["high"])
+
+    is_absent = ~np.isfinite(table["reproduced"])
+    is_open = is_absent | ~np.isfinite(table["low"])
+    is_tested = ~is_open & ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
+    table["agreement"] = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
+    table["weak"] = np.where((table["agreement"] == "agrees") & (holds(2) | holds(0.5)), "yes", "")
+    why = table["known_difference"].replace("", "no explanation known") + "; "
+    said = [*map(count_realisations, value, table["numbers"])]
+    reason = why.where(table["agreement"] == "differs", "") + table["reason"] + said
+    of_tested = ~table["expected"].isin(NOT_TESTED)
+    reason = reason.mask(is_open & of_tested, "too few realisations for an interval")
+    table["reason"] = reason.mask(is_absent & of_tested, "no notebook computed it")
+    table["resolution"] = [resolution(row) for row in table.itertuples()]
+    columns = ["printed", "published", "reproduced", "low", "high", "agreement", "weak", "source"]
+    return table[[*columns, "resolution", "reason", "notebook"]]
 
 
 def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed number in the paper's order, by the notebooks' outcomes.
+    """Judge every printed number in the paper's order, by the notebooks' outcomes; a row each, by id.
 
     Raises
     ------
     UserError
         No notebook exports a number that is not taken over, or two do.
     """
-    ours = {
-        cell: {"id": cell, "source": source_of(cell), "numbers": math.nan}
-        for cell in published.cells().index
+    outcomes = load_outcomes(results)
+    made = [row | {"notebook": name} for name, each in outcomes.items() for row in each["cells"]]
+    refuse_twice(made)
+    expected = read_table("cells")["source"]
+    left = expected.drop([row["id"] for row in made])
+    for row in made:
+        if expected[row["id"]] != "taken over" and not np.isfinite(_pooled(row["numbers"])).all():
+            raise _lacking(row["id"])
+    for cell in left.index[left != "taken over"]:
+        raise _lacking(cell)
+    made += [{"id": cell, "source": source, "numbers": math.nan} for cell, source in left.items()]
+    return judge_numbers(made).reindex(expected.index)
+
+
+def _lacking(cell: str) -> UserError:
+    return UserError(f"{cell}: no notebook has computed it; make all runs them")
+
+
+def refuse_twice(rows: list[dict[str, Any]]) -> None:
+    """Refuse what two notebooks export: one of their outcomes is another's."""
+    by_id: dict[str, str] = {}
+    for row in rows:
+        if other := by_id.get(row["id"]):
+            both = f"{row['id']}: exported by two notebooks, {other} and {row['notebook']}"
+            raise UserError(f"{both}: one of their outcomes is another's; make all runs them")
+        by_id[row["id"]] = row["notebook"]
+
+
+def grade(verdicts: pd.DataFrame) -> pd.Series:
+    """Say how much each verdict says: an agreement is weak, or the paper's consistency alone."""
+    grades = verdicts["agreement"].mask(verdicts["source"] == CONSISTENT, "consistent")
+    grades = grades.mask(verdicts["weak"] == "yes", "agrees weakly")
+    return grades.where(verdicts["agreement"] == "agrees", verdicts["agreement"])
+
+
+# ------------------------------------------------------------------------------------------------------------ claims
+
+
+def decide(claim: str, measured: Any, criteria: Criteria = None) -> bool | None:
+    """Decide a claim by its rule in the table of claims; None is undecided, as is whatever was not measured (nan).
+
+    `measured` is what the rule compares with the limit: one number; the two ends of an interval
+    where the rule's name begins with "interval"; p of the claim and p of its opposite for "p
+    below". A number within 1e-9 of the limit, relatively, is the limit: the last bits do not
+    decide. `criteria` are limits to try in place of the table's.
+    """
+    claims = read_table("claims")
+    if unknown := {claim, *(criteria or {})} - {*claims.index}:
+        known = ", ".join(claims.index)
+        raise KeyError(f"{', '.join(sorted(unknown))}: no such claim; there are {known}")
+    rule = claims.at[claim, "rule"]
+    limit = float((criteria or {}).get(claim, claims.at[claim, "criterion"]))
+    if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
+        raise ValueError(f"{claim}: the rule {rule!r} does not take {measured}")
+    low, high = (
+        limit if math.isclose(x, limit, rel_tol=1e-9) else x
+        for x in np.ravel(measured)[[0, -1]].astype(float)
+    )
+    half_digit = 0.5 * 10.0 ** int(Decimal(str(limit)).as_tuple().exponent) * (1 + 1e-9)
+    holds, fails = {
+        "below": (low < limit, low >= limit),
+        "at most": (low <= limit, low > limit),
+        "above": (low > limit, low <= limit),
+        "at least": (low >= limit, low < limit),
+        "rounds to": (abs(low - limit) <= half_digit, abs(low - limit) > half_digit),
+        "p below": (low < limit, high < limit),
+        "interval below": (high < limit, low > limit),
+        "interval above": (low > limit, high < limit),
+    }[rule]
+    return True if holds else False if fails else None
+
+
+def decide_all(measured: Measured, criteria: Criteria = None) -> dict[str, tuple[bool | None, str]]:
+    """Decide claims by what was measured of each, as `decide` does; the words stay beside it."""
+    return {
+        claim: (decide(claim, numbers, criteria), words)
+        for claim, (numbers, words) in measured.items()
     }
-    for name, outcome in load_outcomes(results).items():
-        for row in outcome["cells"]:
-            if "notebook" in ours[row["id"]]:
-                raise _exported_twice(row["id"], ours[row["id"]]["notebook"], name)
-            ours[row["id"]] = row | {"notebook": name}
-    is_ours = published.cells()["source"] != "taken over"
-    for cell in published.cells().index[is_ours]:
-        if not np.isfinite(_pooled(ours[cell]["numbers"])).all():
-            raise UserError(f"{cell}: no notebook has computed it; make all runs them")
-    return pd.DataFrame([judge_number(**row) for row in ours.values()])
-
-
-def _exported_twice(id: str, *notebooks: str) -> UserError:
-    why = "one of their outcomes is another's; make all runs them"
-    return UserError(f"{id}: exported by two notebooks, {' and '.join(notebooks)}: {why}")
 
 
 def claims(results: Path) -> pd.DataFrame:
     """The paper's sentences with their verdicts: `id, of, quote, reading, section, verdict, measured, notebook`.
 
-    Of a claim that no notebook can decide, `claims.csv` says why: it is undecided. UserError where no notebook decides
+    Of a claim that no notebook can decide, the table says why: it is undecided. UserError where no notebook decides
     another one, or two do.
     """
-    claimed = published.table("claims")
+    claimed = read_table("claims")
+    outcomes = load_outcomes(results)
+    made = [row | {"notebook": name} for name, each in outcomes.items() for row in each["claims"]]
+    refuse_twice(made)
+    ours = pd.DataFrame(made, columns=["id", "holds", "measured", "notebook"]).set_index("id")
+    ours["verdict"] = ours["holds"].map(lambda holds: CLAIM_VERDICTS[holds])
     table = claimed[["of", "quote", "reading", "section"]]
-    table = table.assign(verdict=CLAIM_VERDICTS[None], measured=claimed["untested"], notebook="")
-    for name, outcome in load_outcomes(results).items():
-        for row in outcome["claims"]:
-            if table.loc[row["id"], "notebook"]:
-                raise _exported_twice(row["id"], table.loc[row["id"], "notebook"], name)
-            decided = [CLAIM_VERDICTS[row["holds"]], row["measured"], name]
-            table.loc[row["id"], ["verdict", "measured", "notebook"]] = decided
+    table = table.join(ours[["verdict", "measured", "notebook"]])
+    table["measured"] = table["measured"].fillna(claimed["untested"])
     for claim in table.index[table["measured"] == ""]:
         raise UserError(f"{claim}: no notebook has decided it; make all runs them")
-    return table.reset_index()
+    return table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""}).reset_index()
 
 
-def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFrame:
-    """Compare our numbers and decisions, as `workbook.verdict` takes them, with the printed ones.
+# ------------------------------------------------------------------------------------------------ beside a notebook
+
+
+def judge(
+    cells: Cells | None = None, claims: Measured | None = None, criteria: Criteria = None
+) -> pd.DataFrame:
+    """Compare our numbers, and what we measured of claims, with the paper, as `workbook.verdict` takes them.
 
     Returns
     -------
@@ -184,20 +239,22 @@ def judge(cells: Cells | None = None, claims: Claims | None = None) -> pd.DataFr
         interval that a printed number must lie in to agree; the committed number, which is ours
         where this run makes what is committed; and the verdict.
     """
-    numbers = [judge_number(**row) for row in cell_rows(cells or {})]
-    rows = [each | {"ours": each["reproduced"], "verdict": each["agreement"]} for each in numbers]
-    rows += [
-        {"id": row["id"], "ours": row["measured"], "verdict": CLAIM_VERDICTS[row["holds"]]}
-        for row in claim_rows(claims or {})
-    ]
-    shown = ["id", "printed", "ours", "low", "high", "committed", "verdict"]
-    table = pd.DataFrame(rows, columns=shown, dtype=object).set_index("id")
+    names = {"reproduced": "ours", "agreement": "verdict"}
+    numbers = judge_numbers(cell_rows(cells)).rename(columns=names) if cells else pd.DataFrame()
+    decided = {
+        claim: {"ours": words, "verdict": CLAIM_VERDICTS[holds]}
+        for claim, (holds, words) in decide_all(claims or {}, criteria).items()
+    }
+    shown = ["printed", "ours", "low", "high", "committed", "verdict"]
+    sentences = pd.DataFrame.from_dict(decided, orient="index", columns=["ours", "verdict"])
+    table = pd.concat([numbers.astype(object), sentences]).reindex(columns=shown)
     table["committed"] = table["ours"]
-    if records_are_simulated() or not OUTPUT_FOLDER:
+    if data_are_simulated() or not OUTPUT_FOLDER:
         kept = read_made("verdicts").set_index("id")["reproduced"]
         claimed = read_made("claims").set_index("id")["measured"]
         table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
-    return table.fillna("").map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
+    table = table.rename_axis("id").astype(object).fillna("")
+    return table.map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
 
 
 def split_table(table: pd.DataFrame) -> list[pd.DataFrame]:
@@ -235,9 +292,10 @@ def _round_row(row: pd.Series) -> pd.Series:
 def verdict(
     text: str,
     cells: Cells | None = None,
-    claims: Claims | None = None,
-    facts: Mapping[str, object] | None = None,
+    claims: Measured | None = None,
+    facts: Mapping[str, Any] | None = None,
     tables: Mapping[str, pd.DataFrame] | None = None,
+    criteria: Criteria = None,
 ) -> None:
     """Show how this run's numbers compare, as `judge` does, and a sentence on them; export them for the report.
 
@@ -246,19 +304,20 @@ def verdict(
     text : str
         A sentence in Markdown, made of this run's numbers alone.
     cells : mapping of str to float, or to a mapping of str to floats
-        Our number for each printed number, by its id in `cells.csv`; or its realisations by setting.
-    claims : mapping of str to (bool or None, str)
-        Whether each claim of `claims.csv` holds, None if that is undecided, and what was measured.
-    facts : mapping of str to str or int
-        Numbers as the report's sentences write them, by the names that they have there. One that
-        is not there (nan) is no fact.
+        Our number for each printed number, by its id in the table of cells; or its realisations by setting.
+    claims : mapping of str to (float or two floats, str)
+        What was measured of each claim, by its id in the table of claims, whose rule decides it; and in words.
+    facts : mapping of str to any JSON value
+        What the report's template reads, by the names that it has there.
     tables : mapping of str to DataFrame
         Written to `results/NAME.csv` with six significant digits.
+    criteria : mapping of str to float, optional
+        Limits to try in place of those of the table of claims.
     """
     from IPython.display import Markdown, display
 
     if cells or claims:
-        for table in split_table(judge(cells, claims)):
+        for table in split_table(judge(cells, claims, criteria)):
             display(table)
     display(Markdown(text))
-    save_outcome(cells or {}, claims or {}, facts or {}, tables or {})
+    save_outcome(cells or {}, decide_all(claims or {}, criteria), facts or {}, tables or {})

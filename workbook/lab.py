@@ -9,12 +9,11 @@ from pathlib import Path
 import nbformat
 from nbformat.sign import NotebookNotary
 
-from replication.compilation import pinned_environment
-from replication.files import ROOT, DataUnavailable, write_text
-from replication.records import AUTHORS_FILES, authors_file
-from workbook.sources import NOTEBOOKS, notebook_sources
+from replication.files import DataUnavailable, write_text
+from workbook.project import ROOT, find_hook, notebook_sources, pin_environment, read_settings
+from workbook.report import list_data
 
-LAB = ROOT / "lab"
+NOTEBOOKS, LAB = ROOT / "notebooks", ROOT / "lab"
 # JupyterLab is not to ask for news and updates.
 SETTINGS = '{"fetchNews": "false", "checkForUpdates": false}\n'
 
@@ -49,15 +48,19 @@ def copy_notebooks(folder: Path = LAB) -> list[Path]:
 def start() -> None:
     """Become JupyterLab at the copies, with arithmetic as `python -m workbook run` has it: the same digits.
 
-    Where the authors' files can't be had the copies run on our simulated records.
+    Where data can't be had the copies run on simulated ones, if the project has such.
     """
     try:
-        for path in AUTHORS_FILES:
-            authors_file(path)
+        for name in list_data():
+            find_hook("fetch")(name)
     except DataUnavailable as missing:
-        print(f"{missing}; until then the notebooks run on our simulated records")
-        os.environ["BACKLASH_RECORDS"] = "simulated"
-    os.environ |= pinned_environment() | {"JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")}
+        simulated = read_settings(ROOT).get("simulated")
+        print(
+            f"{missing}; until then {'simulated ones take' if simulated else 'nothing takes'} their place"
+        )
+        if simulated:
+            os.environ[simulated["variable"]] = "simulated"
+    os.environ |= pin_environment() | {"JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")}
     first = sorted(LAB.glob("[0-9]*.ipynb"))[0].relative_to(ROOT)
     command = [sys.executable, "-m", "jupyterlab", f"--LabApp.default_url=/lab/tree/{first}"]
     if hasattr(os, "getuid") and os.getuid() == 0:

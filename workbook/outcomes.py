@@ -1,7 +1,7 @@
-"""What a notebook leaves: figures, tables, and one outcome, which the report is made from.
+"""What a notebook reads and leaves: tables, figures, and one outcome, which the report is made from.
 
 The outcome, `results/outcomes/NAME.json`, holds numbers of printed cells ("cells"), decisions on claims ("claims") and
-texts for the report's sentences ("facts"). `python -m workbook run` names the folder by the environment variable
+values that the report's template reads ("facts"). `python -m workbook run` names the folder by the environment variable
 REPLICATION_OUT; a notebook that is run by hand writes nothing.
 """
 
@@ -9,12 +9,12 @@ import io
 import json
 import os
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from replication import published
 from replication.files import (
     FLOAT_FORMAT,
     UserError,
@@ -23,34 +23,33 @@ from replication.files import (
     write_csv,
     write_json,
 )
-from replication.records import records_are_simulated
-from workbook.sources import RESULTS, how_to_make, notebook_sources
+from workbook.project import RESULTS, ROOT, notebook_sources, read_settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Numbers = float | Mapping[str, Sequence[float]]  # one, or realisations by setting
 Cells = Mapping[str, Numbers]
-Claims = Mapping[str, tuple[bool | None, str]]
+Decisions = Mapping[str, tuple[bool | None, str]]
 
 OUTPUT_FOLDER = os.environ.get("REPLICATION_OUT", "")
 
 
-def say(sentence: str) -> None:
-    """Show a sentence in Markdown, made of this run's numbers."""
-    from IPython.display import Markdown, display
-
-    display(Markdown(sentence))
+# -------------------------------------------------------------------------------------------------------------- read
 
 
-def show(figure: "Figure", finding: str) -> None:
-    """Show a figure, and below it what is to be seen in it."""
-    from IPython.display import display
-    from matplotlib import pyplot as plt
+@cache
+def _parse_table(name: str) -> pd.DataFrame:
+    def parse(text: str) -> pd.DataFrame:
+        table = pd.read_csv(io.StringIO(text), keep_default_na=False)
+        return table.set_index("id") if "id" in table else table
 
-    plt.close(figure)  # so that the end of the cell does not show it again
-    display(figure)
-    say(finding)
+    return read_committed(ROOT / read_settings(ROOT)[name], parse)
+
+
+def read_table(name: str) -> pd.DataFrame:
+    """Read a table that the settings name: "cells", "claims", "errata", "deviations"; by id, if it has one."""
+    return _parse_table(name).copy()
 
 
 def read_kept(name: str) -> pd.DataFrame:
@@ -73,24 +72,54 @@ def kept_table(name: str) -> Path:
     return file
 
 
+def data_are_simulated() -> bool:
+    """Whether this run has simulated data in place of data that could not be had."""
+    simulated = read_settings(ROOT).get("simulated", {})
+    return os.environ.get(simulated.get("variable", "")) == "simulated"
+
+
+# -------------------------------------------------------------------------------------------------------------- show
+
+
+def say(sentence: str) -> None:
+    """Show a sentence in Markdown, made of this run's numbers."""
+    from IPython.display import Markdown, display
+
+    display(Markdown(sentence))
+
+
+def show(figure: "Figure", finding: str) -> None:
+    """Show a figure, and below it what is to be seen in it."""
+    from IPython.display import display
+    from matplotlib import pyplot as plt
+
+    plt.close(figure)  # so that the end of the cell does not show it again
+    display(figure)
+    say(finding)
+
+
 def show_figure(name: str, figure: "Figure", caption: str) -> None:
     """Show a figure with its caption, and write it to `figures/NAME.svg`; by hand nothing is written.
 
     A name such as `figure12_...` or `table2_...` says which element of the paper it belongs to.
     """
-    from replication import figures
+    from workbook.pictures import save
 
     show(figure, caption)
     if OUTPUT_FOLDER:
-        mark = "simulated records" if records_are_simulated() else ""
-        figures.save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
+        mark = read_settings(ROOT)["simulated"]["mark"] if data_are_simulated() else ""
+        save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
+
+
+# ------------------------------------------------------------------------------------------------------------- export
 
 
 def source_of(cell: str) -> str:
-    """Where our number comes from: as `cells.csv` says, or our joint where its records take the authors' place."""
-    source = published.cells().at[cell, "source"]
-    ours = source in ("recomputed", "authors' files") and records_are_simulated()
-    return "simulated joint" if ours else source
+    """Where our number comes from: as the table says, or simulated data where these take the place of others."""
+    source = read_table("cells").at[cell, "source"]
+    simulated = read_settings(ROOT).get("simulated", {})
+    is_other = data_are_simulated() and source in simulated["in_place_of"]
+    return simulated["source"] if is_other else source
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
@@ -107,16 +136,21 @@ def _round(numbers: Any) -> Any:
     return float(FLOAT_FORMAT % numbers)
 
 
-def claim_rows(claims: Claims) -> list[dict[str, Any]]:
-    """Decisions by claim as rows `id, holds, measured`."""
-    return [
-        {"id": claim, "holds": None if holds is None else bool(holds), "measured": measured}
-        for claim, (holds, measured) in claims.items()
-    ]
+def as_fact(value: Any) -> Any:
+    """A value as JSON has it, its numbers with the six digits that results have."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, Mapping):
+        return {str(name): as_fact(each) for name, each in value.items()}
+    if hasattr(value, "tolist"):  # an array, or a number of one
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [*map(as_fact, value)]
+    return float(FLOAT_FORMAT % value) if isinstance(value, float) else value
 
 
 def save_outcome(
-    cells: Cells, claims: Claims, facts: Mapping[str, object], tables: Mapping[str, pd.DataFrame]
+    cells: Cells, claims: Decisions, facts: Mapping[str, Any], tables: Mapping[str, pd.DataFrame]
 ) -> None:
     """Write what a notebook has computed, as `workbook.verdict` takes it; by hand nothing is written."""
     if not OUTPUT_FOLDER:
@@ -124,14 +158,15 @@ def save_outcome(
     results = Path(OUTPUT_FOLDER) / "results"
     for name, table in tables.items():
         write_csv(results / f"{name}.csv", table)
-    texts = {name: str(fact) for name, fact in facts.items()}
     outcome = {
         "cells": cell_rows(cells),
-        "claims": claim_rows(claims),
-        "facts": {name: text for name, text in texts.items() if not text.endswith("nan")},
+        "claims": [
+            {"id": claim, "holds": None if holds is None else bool(holds), "measured": words}
+            for claim, (holds, words) in claims.items()
+        ],
+        "facts": as_fact(facts),
     }
-    if cells or claims or facts:
-        write_json(results / "outcomes" / f"{os.environ['REPLICATION_NOTEBOOK']}.json", outcome)
+    write_json(results / "outcomes" / f"{os.environ['REPLICATION_NOTEBOOK']}.json", outcome)
 
 
 def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
@@ -144,14 +179,15 @@ def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
                 outcomes[name] = _check_outcome(json.loads(file.read_text(encoding="utf-8")))
             except (ValueError, TypeError, KeyError, RecursionError) as error:
                 raise UserError(
-                    f"{file}: not the outcome of a notebook ({error!r}); {how_to_make(source)}"
+                    f"{file}: not the outcome of a notebook ({error!r}); "
+                    f".venv/bin/python -m workbook run {source.relative_to(ROOT)} makes it"
                 ) from error
     return outcomes
 
 
 def _check_outcome(outcome: dict[str, Any]) -> dict[str, Any]:
     """Raise ValueError, TypeError or KeyError where it is not what `save_outcome` writes."""
-    printed, claimed = set(published.cells().index), set(published.table("claims").index)
+    printed, claimed = {*read_table("cells").index}, {*read_table("claims").index}
     for row in outcome["cells"]:
         pooled = [row["numbers"]]
         if isinstance(row["numbers"], dict):
@@ -165,6 +201,6 @@ def _check_outcome(outcome: dict[str, Any]) -> dict[str, Any]:
             raise ValueError(f"a row of claims: {row['id']}")
         if not isinstance(row["measured"], str):
             raise ValueError(f"{row['id']}: measured is no text")
-    if any(not isinstance(fact, str) for fact in outcome["facts"].values()):
-        raise ValueError("a fact that is no text")
+    if not isinstance(outcome["facts"], dict):
+        raise ValueError("facts without names")
     return outcome

@@ -1,43 +1,38 @@
-"""The report: one template with the results' numbers filled in; and the list of `make check`."""
+"""The report: the project's template with the results' numbers filled in; and the list of `make check`."""
 
 import html
+import json
 import math
+import os
 import re
+import sys
 from collections import ChainMap
-from collections.abc import Iterable
+from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 import pandas as pd
 
-from replication import published, table2
-from replication.files import UserError, as_csv, as_json, read_committed, write_files
-from studies import multiverse, realisations
+from replication.files import KEPT_SHA256, UserError, as_csv, as_json, read_committed, write_files
 from workbook import judging
-from workbook.outcomes import kept_table, load_outcomes, read_kept, read_made
-from workbook.provenance import provenance
+from workbook.outcomes import load_outcomes, read_kept, read_table
+from workbook.project import RESULTS, ROOT, find_hook, read_settings
+from workbook.stamps import add_record, digest_code, sha256
 
-TEMPLATE = Path(__file__).with_name("report.md.j2")
+SETTINGS = read_settings(ROOT)
+TEMPLATE = ROOT / SETTINGS["report"]
 STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
 STATUS = re.compile("|".join(STATUS_MARKS))
-CONSISTENCY = "the paper's own numbers"
 WEAKLY = "agrees weakly"
 VERDICTS = ("agrees", WEAKLY, "differs", "not tested")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = re.compile(r"\b(alpha|delta|lambda|mu|omega|pi|sigma|tau)(?=\b|_)")
 ABSENT = re.compile(r"\b(nan|None|inf)\b")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
-
-ERRATA = {
-    "proved": "Proved: a test shows each",
-    "imprecise": "Imprecise",
-    "text": "Rest on the extracted text, whose formulas may be garbled: check the printed paper",
-    "data": "The text against the public data: no errata, either may be right",
-}
 
 # ------------------------------------------------------------------------------------------------- numbers in words
 
@@ -64,10 +59,10 @@ def typeset(text: object) -> str:
     return re.sub(r"(?<![\w)\]])-(?=[\d.])", "−", raised)
 
 
-def span(numbers: Any, form: str) -> str:
-    """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike."""
-    low, high = (format(end, form) for end in (np.min(numbers), np.max(numbers)))
-    return low if low == high else f"{low} to {high}"
+def span(numbers: Sequence[float], form: str) -> str:
+    """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike, or "none"."""
+    ends = [format(end, form) for end in (min(numbers), max(numbers))] if len(numbers) else ["none"]
+    return " to ".join(dict.fromkeys(ends))
 
 
 def write_p(p: float, least: float = 0.0) -> str:
@@ -76,22 +71,15 @@ def write_p(p: float, least: float = 0.0) -> str:
     return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
-def write_rejections(tests: multiverse.Rejections) -> str:
-    """Write how many tests reject: "none of 36 tests"."""
-    if tests.tests == 0:
-        return "none (too few tables) of 0 tests"
-    number = {0: "none", tests.tests: "all"}.get(tests.rejected, tests.rejected)
-    return f"{number} of {tests.tests} tests"
-
-
 # ------------------------------------------------------------------------------------------------ what the text has
 
 
 def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval, why` it differs."""
-    about = published.cells()[["element", "row", "column", "known_difference"]]
-    table = verdicts.join(about, on="id")
-    table["name"] = [_name(*row) for row in table[["element", "row", "column"]].to_numpy()]
+    table = verdicts.join(
+        read_table("cells")[["element", "row", "column", "unit", "known_difference"]]
+    )
+    table["name"] = [*map(_name, table["element"], table["row"], table["column"])]
     table["why"] = table["known_difference"].replace("", "no explanation known")
     table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
     table["interval"] = [_interval(row) for row in table.itertuples()]
@@ -112,44 +100,20 @@ def _interval(row: Any) -> str:
     return " to ".join(like_printed(end, row.printed) for end in (row.low, row.high))
 
 
-def count_by(cells: pd.DataFrame, key: str, order: Iterable[str]) -> pd.DataFrame:
-    """Count printed numbers by agreement, and by "element" or "source", in an order that may end in "all"."""
+def count_by(cells: pd.DataFrame, key: str) -> pd.DataFrame:
+    """Count printed numbers by agreement, and by "element" or "source", in their order, with a row for "all"."""
     counts = pd.crosstab(cells[key], cells["shown"], margins=True, margins_name="all")
-    return counts.reindex(index=[*order], columns=VERDICTS, fill_value=0)
+    order = [*cells[key].unique(), "all"]
+    return counts.reindex(index=order, columns=VERDICTS, fill_value=0)
 
 
 def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
-    """Run time of the notebooks that make an element's numbers [s], as `results/notebook_times.csv` has it."""
+    """Run time of the notebooks that make an element's numbers [s], where `results/notebook_times.csv` has it."""
+    if not (RESULTS / "notebook_times.csv").exists():
+        return {}
     seconds = read_kept("notebook_times").set_index("notebook")["seconds"]
     makers = cells[cells["notebook"] != ""].groupby("element")["notebook"].unique()
-    return {element: int(seconds.loc[names].sum()) for element, names in makers.items()}
-
-
-def describe_table2(cells: pd.DataFrame, column: str) -> dict[str, Any]:
-    """How the ten means or SDs of Table 2 agree one by one, and how far their intervals reach."""
-    rows = cells[cells["id"].str.fullmatch(rf"table2\.row(0\d|10)\.{column}")]
-    return {
-        "all": len(rows),
-        "agree": (rows["agreement"] == "agrees").sum(),
-        "differ": [*rows.loc[rows["agreement"] == "differs", "row"]],
-        "down": 100 * (1 - rows["low"] / rows["reproduced"]),
-        "up": 100 * (rows["high"] / rows["reproduced"] - 1),
-        "factor": (rows["high"] / rows["low"])[rows["agreement"] == "agrees"],
-    }
-
-
-def describe_hardware() -> dict[str, Any]:
-    """What the sensor says of public logs of real joints: how many it refuses, and why, the usual reason first."""
-    logs = read_kept("hardware")
-    reasons = logs.loc[logs["verdict"] == "cannot tell", "reason"].value_counts()
-    return {"logs": len(logs), "refused": reasons.sum(), "reasons": [*reasons.items()]}
-
-
-def describe_engine() -> dict[str, float]:
-    """How far an independent physics engine is from our simulated joint, at its finest step."""
-    twins = read_kept("engine").dropna(subset="nrmse")
-    finest = twins.loc[twins["step_s"].idxmin()]
-    return {"error_percent": 100 * finest["nrmse"], "step_us": 1e6 * finest["step_s"]}
+    return {element: int(seconds.reindex(names).sum()) for element, names in makers.items()}
 
 
 def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
@@ -160,12 +124,12 @@ def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
 
 def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:
     """What was changed after a result: every change, and how each rule came about, up to today's verdict."""
-    table = published.table("deviations")
+    table = read_table("deviations")
     today = claims.set_index("id")["verdict"].reindex(table["claim"]).set_axis(table.index)
     is_last = (table["claim"] != "") & ~table["claim"].duplicated(keep="last")
     table["verdict_after"] = table["verdict_after"].mask(is_last, today)
     return {
-        "deviations": table.to_dict("records"),
+        "deviations": table,
         "chains": {rule: _chain(part) for rule, part in table.groupby("rule", sort=False)},
         "changed_claims": table.loc[table["claim"] != "", "claim"].nunique(),
     }
@@ -179,44 +143,25 @@ def _chain(changes: pd.DataFrame) -> str:
     return " → ".join(form + (f": *{verdict}*" if verdict else "") for form, verdict in steps)
 
 
-def describe_theoretical(cells: pd.DataFrame) -> dict[str, float]:
-    """How far our ten theoretical A of Table 2 lie off the printed ones [%], and t of their mean."""
-    rows = cells[cells["id"].str.fullmatch(r"table2\.row(0\d|10)\.theoretical")]
-    off = 100 * (rows["reproduced"] / rows["published"] - 1)
-    return {"largest": off.abs().max(), "mean": off.mean(), "t": off.mean() / off.sem()}
-
-
 def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
-    """Everything that the template names: of verdicts, of claims, and of the facts in a folder of results."""
+    """Everything that a template may name: verdicts, claims, the paper's tables, and the notebooks' facts, `f`."""
     cells = describe_cells(verdicts)
-    agrees = cells["shown"] == "agrees"
+    grades = judging.grade(verdicts).value_counts().reindex(judging.GRADES, fill_value=0)
     return {
         "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
         "cells": cells.to_dict("records"),
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
-        "cell": cells.set_index("id").to_dict("index"),
-        "by_element": count_by(cells, "element", [*cells["element"].unique(), "all"]),
+        "cell": cells.to_dict("index"),
+        "by_element": count_by(cells, "element"),
+        "by_source": count_by(cells, "source"),
         "seconds": measured_seconds(cells),
-        "by_source": count_by(cells, "source", judging.SOURCES),
-        "means": describe_table2(cells, "mean"),
-        "sds": describe_table2(cells, "sd"),
-        "evidence": multiverse.describe_multiverse(
-            realisations.read_realisations(kept_table("table2_realisations")),
-            read_made("table2_multiverse"),
-        ),
-        "hardware": describe_hardware(),
-        "engine": describe_engine(),
         "claims": describe_claims(claims),
-        "populations": [settings.population for settings in table2.SETTINGS],
-        **describe_deviations(claims),
-        "theoretical": describe_theoretical(cells),
-        "strong": (agrees & (cells["source"] != CONSISTENCY)).sum(),
-        "consistent": (agrees & (cells["source"] == CONSISTENCY)).sum(),
-        "weak": (cells["shown"] == WEAKLY).sum(),
-        "errata": published.table("errata").reset_index().groupby("kind"),
-        "kinds_of_errata": ERRATA,
+        "strong": grades["agrees"],
+        "weak": grades[WEAKLY],
+        "consistent": grades["consistent"],
         "verdicts": VERDICTS,
-        "sources": judging.SOURCES,
+        **({"errata": read_table("errata")} if "errata" in SETTINGS else {}),
+        **(describe_deviations(claims) if "deviations" in SETTINGS else {}),
     }
 
 
@@ -236,7 +181,7 @@ def _parse_template(text: str) -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
         finalize=_refuse_absent,
     )
-    pages.filters.update(typeset=typeset, span=span, p=write_p, rejections=write_rejections)
+    pages.filters.update(typeset=typeset, span=span, p=write_p)
     template = pages.from_string(text)
     if "status" not in template.blocks:
         raise ValueError("the README's block, status, is gone")
@@ -254,27 +199,55 @@ def render(described: dict[str, Any]) -> tuple[str, str]:
     """Fill in the template: the report, and its first section as the README has it; UserError where a number lacks."""
     template = load_template()
     try:
-        status = "".join(template.blocks["status"](template.new_context(described | {"up": ""})))
+        context = template.new_context(described | {"up": ""})
+        "".join(template.root_render_func(context))  # which gives the block what stands before it
+        status = "".join(template.blocks["status"](context))
         return template.render(described, up="../"), status.strip()
     except jinja2.UndefinedError as error:
         raise UserError(f"the report lacks a number: {error}; run make all") from error
 
 
-def write_report(results: Path, readme: Path) -> list[Path]:
-    """Write the verdicts, the claims, `report.md` and `provenance.json` of a results folder, all or none.
+def provenance() -> dict[str, Any]:
+    """Versions of Python and of the packages that compute; SHA-256 of the public data."""
+    python = ".".join(map(str, sys.version_info[:2]))
+    versions = {"python": python} | {
+        package: version(package) for package in SETTINGS.get("versions", ())
+    }
+    return {"versions": versions, "authors_files": list_data()}
+
+
+def list_data() -> dict[str, str]:
+    """SHA-256 of the public data by name, as the project registers them."""
+    registered = find_hook("checksums")
+    return registered() if registered else {}
+
+
+def digest_tables(project: Path) -> dict[str, str]:
+    """SHA-256, by name, of what the report is made from besides code: outcomes, kept tables and the template."""
+    beside = project / "results" / KEPT_SHA256
+    files = [*(project / "results" / "outcomes").glob("*.json"), TEMPLATE]
+    if beside.exists():
+        kept = read_committed(beside, lambda text: [*json.loads(text)])
+        files += [beside, *(project / "results" / name for name in kept)]
+    return {os.path.relpath(file, project): sha256(file) for file in files}
+
+
+def make_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> dict[Path, bytes]:
+    """Make the verdicts, the claims, `report.md` and `provenance.json` of a results folder.
 
     The report's first section goes into a README, too, between the marks of the status.
 
     Returns
     -------
-    list of Path
-        What was written, the report first.
+    dict of Path to bytes
+        What is to be written, the report first.
 
     Raises
     ------
     UserError
         Something is missing that the report is made from.
     """
+    code, tables = digest_code(results.parent), digest_tables(results.parent)
     verdicts, claims = judging.verdicts(results), judging.claims(results)
     try:
         described = describe(verdicts, claims, results)
@@ -289,20 +262,33 @@ def write_report(results: Path, readme: Path) -> list[Path]:
         )
     before, _, after = STATUS.split(text)
     text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
-    written = {
-        results / "report.md": page.encode(),
-        results / "verdicts.csv": as_csv(verdicts),
-        results / "claims.csv": as_csv(claims),
-        results / "provenance.json": as_json(provenance()),
-        readme: text.encode(),
+    made = {
+        "results/report.md": page.encode(),
+        "results/verdicts.csv": as_csv(verdicts.reset_index()),
+        "results/claims.csv": as_csv(claims),
     }
-    write_files(written)
-    return [*written]
+    made["results/provenance.json"] = as_json(add_record(provenance(), code, tables, made))
+    files = {results.parent / name: content for name, content in made.items()}
+    return files | {readme: text.encode()}
+
+
+def write_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> list[Path]:
+    """Write what `make_report` makes, all or none; return its files."""
+    made = make_report(results, readme)
+    write_files(made)
+    return [*made]
+
+
+def refuse_stale(made: dict[Path, bytes]) -> None:
+    """Refuse a report, a table of its or a README that says other than the results; versions may be others."""
+    for file, content in made.items():
+        if file.name != "provenance.json" and file.read_bytes() != content:
+            raise UserError(f"{file}: it says other than the results; make all makes it")
 
 
 def list_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> str:
     """Every printed number and every claim, as `make check` prints them, in groups: first what differs."""
-    cells = describe_cells(verdicts).join(published.cells()["unit"], on="id")
+    cells = describe_cells(verdicts).reset_index()
     columns = ["id", "printed", "ours", "interval", "unit", "source", "reason"]
     groups = []
     for agreement in ("differs", "not tested", "agrees"):
@@ -323,5 +309,5 @@ def _align(table: pd.DataFrame) -> str:
 
 def find_surprises(verdicts: pd.DataFrame) -> list[str]:
     """Find the numbers that differ and are no known difference of `cells.csv`."""
-    differs = verdicts.loc[verdicts["agreement"] == "differs", "id"]
-    return [cell for cell in differs if not published.cells().loc[cell, "known_difference"]]
+    known = read_table("cells")["known_difference"].reindex(verdicts.index)
+    return [*verdicts.index[(verdicts["agreement"] == "differs") & (known == "")]]

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbook.outcomes import read_kept, say
 from workbook.parameters import is_number
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 # A model of a slow reader.
 WORDS_PER_MINUTE = 150

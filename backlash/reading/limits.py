@@ -25,7 +25,9 @@ class Limits:
     few_gaps: float = 0.02  # of the steps; more are bursts or lost samples
     most_invented: float = 0.1  # of the samples; above, the stamps are not those of the samples
 
-    least_names: int = 100  # of signals; a table that names fewer, row after row, has a row for each value
+    least_names: int = (
+        100  # of signals; a table that names fewer, row after row, has a row for each value
+    )
 
     # Samples in a period of the ring.
     least_rate: float = 4  # with half as many, two of 17 simulated joints were wrong
@@ -51,14 +53,18 @@ class Limits:
     stray_deviations: float = 20.0
     most_single: float = 0.01  # of the samples; more are no single ones
     least_frozen: int = 8  # samples of one value
-    least_beneath: int = 2  # times that a coarse signal stands for half as long or longer, beside its longest
+    least_beneath: int = (
+        2  # times that a coarse signal stands for half as long or longer, beside its longest
+    )
     rare: float = 0.01  # of the steps; smaller ones come from values that a logger filled in
     least_leap: float = 3.0  # in the finest steps; a coarse signal moves by one
     least_held: float = 0.25  # of the values, that stand more than one sample
     longest_hold: int = 50  # samples; what stands longer rests, or is frozen
     most_regular: float = 0.95
     least_lines: float = 0.4  # of the samples, that lie on the line through their neighbours
-    most_in_three: float = 0.25  # of the samples off such lines, that have two such neighbours: at knots none have
+    most_in_three: float = (
+        0.25  # of the samples off such lines, that have two such neighbours: at knots none have
+    )
     least_values: int = 16  # of a signal that is not merely coarse
     # Samples at a limit over those at a level beside it; of a sine that is rounded 2.4 at most.
     least_piled: float = 4.0

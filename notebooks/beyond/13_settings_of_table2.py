@@ -296,7 +296,8 @@ workbook.say(f"{prediction_finding}.")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 measured = {"random_start": evidence.measure_random_start(multiverse, criteria)}
-claims = measures.decide(measured, criteria)
+claims = measures.write_all(measured)
+decided = workbook.decide_all(claims, criteria)
 workbook.verdict(
     f"In this run {same_end.sum()} of {len(ended)} stored runs end at their "
     f"misfit, {same_count.sum()} of them in the stored generation. {of_bounds}. "
@@ -310,8 +311,11 @@ workbook.verdict(
         "replayed": same_end.sum(),
         "replay_apart": f"{ended.loc[same_end, 'difference_rps'].max():.0e}",
         "prediction_finding": prediction_finding,
+        "evidence": evidence.describe_multiverse(kept, multiverse),
+        "populations": [settings.population for settings in table2.SETTINGS],
     },
     {"table2_multiverse": multiverse},
+    criteria,
 )
 
 # %% [markdown]
@@ -323,8 +327,8 @@ workbook.try_changing(
         'criteria = {"random_start": 0.6}',
         "so strict a limit excludes every drawn start, and the claim does not hold",
         lambda now, was: (
-            now.claims["random_start"][0] is False
-            and was.claims["random_start"][0] is None
+            now.decided["random_start"][0] is False
+            and was.decided["random_start"][0] is None
         ),
     ),
     Change(

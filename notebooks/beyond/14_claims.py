@@ -38,7 +38,7 @@ from replication.records import (
     load_noisy,
 )
 from studies import claims as measures
-from studies import edge, engine, experiments, optimizers
+from studies import edge, engine, experiments, hardware, optimizers
 from studies.drawings import draw_margins
 from workbook import Change
 
@@ -210,18 +210,17 @@ workbook.say(f"Undecided: {full_robot[1]}.")
 # ### All of them
 
 # %%
-claims = measures.decide(measured, criteria)
-undecided = published.decide("full_robot", full_robot[0], criteria)
-claims["full_robot"] = undecided, full_robot[1]
+claims = measures.write_all(measured) | {"full_robot": full_robot}
+decisions = workbook.decide_all(claims, criteria)
 counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
-counts |= workbook.judge(claims=claims)["verdict"].value_counts()
+counts |= workbook.judge(claims=claims, criteria=criteria)["verdict"].value_counts()
 decided = (
     f"Of {len(claims)} sentences {counts['holds']} hold, {counts['does not hold']} "
     f"do not hold, and {counts['undecided']} are undecided"
 )
 workbook.show_figure(
     "claims_over_limits",
-    draw_margins(measured, criteria),
+    draw_margins(measured, decisions, criteria),
     f"{decided}. Drawn is what was measured over the limit that decides it, turned "
     "so that a sentence holds below 1. A line is an interval; one across 1 decides "
     "nothing. Beyond the frame is drawn at the frame.",
@@ -236,6 +235,8 @@ workbook.verdict(
     f"{decided}. Friction of {100 * largest['friction']:.2g} % of gravity changes "
     f"$A$ by {largest['change_percent']:+.0f} %.",
     claims=claims,
+    facts={"hardware": hardware.count_refusals(workbook.read_kept("hardware"))},
+    criteria=criteria,
 )
 
 # %% [markdown]
@@ -248,8 +249,8 @@ workbook.try_changing(
         "a tenth of the phase in place of a quarter: the sentence on the impacts "
         "does not hold",
         lambda now, was: (
-            now.claims["impacts_at_phase_start"][0] is False
-            and was.claims["impacts_at_phase_start"][0] is not False
+            now.decisions["impacts_at_phase_start"][0] is False
+            and was.decisions["impacts_at_phase_start"][0] is not False
         ),
     ),
     Change(
@@ -257,16 +258,16 @@ workbook.try_changing(
         "half of Table 2's smallest mean in place of a quarter: absence is "
         "recognised",
         lambda now, was: (
-            now.claims["no_backlash"][0] is True
-            and was.claims["no_backlash"][0] is not True
+            now.decisions["no_backlash"][0] is True
+            and was.decisions["no_backlash"][0] is not True
         ),
     ),
     Change(
         "frictions = [0.005]",
         "so little friction may be disregarded",
         lambda now, was: (
-            now.claims["friction_disregarded"][0] is True
-            and was.claims["friction_disregarded"][0] is not True
+            now.decisions["friction_disregarded"][0] is True
+            and was.decisions["friction_disregarded"][0] is not True
         ),
     ),
 )

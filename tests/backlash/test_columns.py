@@ -59,7 +59,11 @@ CHOSEN = [
 TIMES = ["[s]", "timestamps", "Stempel [ms]"]
 REFUSED = [
     *(([name], {}, "is not known; give --unit (a speed's: rps, rpm") for name in ASKED),
-    (["speed in 0.1 rpm"], {}, "of a scaled one, like 0.1 rpm, give --unit counts, and as --counts"),
+    (
+        ["speed in 0.1 rpm"],
+        {},
+        "of a scaled one, like 0.1 rpm, give --unit counts, and as --counts",
+    ),
     (["speed [rps]", "velocity [rps]"], {}, "give --speed"),
     (["dq[0]", "dq[1]"], {}, "give --speed"),
     *(
@@ -115,5 +119,7 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
 
 @pytest.mark.parametrize("name", TIMES)
 def test_a_time_is_told_by_its_name_or_its_unit(name):
-    chosen = choose_columns(Table(pd.DataFrame({"speed [rps]": [1.0, 2.0], name: [0.0, 1.0]})), TURN)
+    chosen = choose_columns(
+        Table(pd.DataFrame({"speed [rps]": [1.0, 2.0], name: [0.0, 1.0]})), TURN
+    )
     assert chosen.time == name

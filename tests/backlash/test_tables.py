@@ -117,7 +117,9 @@ REFUSED = {
         "row 2: speed [rpm] has marks of thousands; export numbers without",
     ),
     "points of thousands and decimal commas": (
-        text(RPM[0], "{t:.4f};{rpm:,.2f};1.5").replace("n]", "n];I", 1).translate(str.maketrans(",.", ".,")),
+        text(RPM[0], "{t:.4f};{rpm:,.2f};1.5")
+        .replace("n]", "n];I", 1)
+        .translate(str.maketrans(",.", ".,")),
         "row 2: Drehzahl [U/min] has marks of thousands; export numbers without",
     ),
     "stamps of no known format": (
@@ -194,7 +196,8 @@ SHEETS = {"hidden": 2.0, "other": 0.5, "run": 1.0}
 
 
 @pytest.mark.parametrize(
-    ("active", "read"), [("run", "run"), ("other", "other"), ("hidden", "other"), ("chart", "other")]
+    ("active", "read"),
+    [("run", "run"), ("other", "other"), ("hidden", "other"), ("chart", "other")],
 )
 def test_of_a_workbook_the_active_visible_sheet_is_read_and_named(active, read, tmp_path):
     with pd.ExcelWriter(tmp_path / "log.xlsx") as writer:
@@ -221,7 +224,9 @@ TIMES = {
 
 @pytest.mark.parametrize("kind", TIMES)
 def test_the_numbers_of_parquet_are_read_and_its_other_columns_counted(kind, tmp_path):
-    log = pd.DataFrame({"time": TIMES[kind], "state": "moving", "speed [rps]": V, "I": [[1.5]] * T.size})
+    log = pd.DataFrame(
+        {"time": TIMES[kind], "state": "moving", "speed [rps]": V, "I": [[1.5]] * T.size}
+    )
     log.to_parquet(tmp_path / "log.parquet")
     read = open_log(tmp_path / "log.parquet", replace(TURN, speed="3"))
     np.testing.assert_allclose(read.recording.v, V)

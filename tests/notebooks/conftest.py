@@ -13,7 +13,7 @@ import pytest
 from matplotlib import pyplot as plt
 
 import workbook
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 
 class Running:

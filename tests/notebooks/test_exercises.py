@@ -5,7 +5,7 @@ import re
 import jupytext
 import pytest
 
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 SOURCES = notebook_sources()
 # Answers are worked out in the notebook after its solution, which is `right`: honest roundings, and near misses and

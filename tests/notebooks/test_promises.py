@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 pytestmark = pytest.mark.slow
 NOTEBOOKS = [name for name in notebook_sources() if not name.startswith("15")]

@@ -12,6 +12,7 @@ from replication.records import Recording
 from studies import claims, optimizers
 from studies.multiverse import measure_random_start
 from studies.realisations import read_realisations
+from workbook.judging import decide, decide_all
 
 RESULTS = ROOT / "results"
 KEPT = read_realisations()
@@ -19,7 +20,7 @@ COMMITTED = pd.read_csv(RESULTS / "claims.csv", index_col="id")["measured"]
 
 
 def verdicts(measured):
-    return {claim: holds for claim, (holds, _) in claims.decide(measured).items()}
+    return {claim: holds for claim, (holds, _) in decide_all(claims.write_all(measured)).items()}
 
 
 @pytest.fixture
@@ -233,7 +234,9 @@ def test_records_of_the_authors_hold_what_the_text_says_of_them(authors_data):
     from replication.records import CLEAN_LEVELS, load_clean_records
 
     records = claims.measure_records(load_clean_records(CLEAN_LEVELS))
-    for claim, (holds, words) in claims.decide(claims.measure_disturbance(records)).items():
+    for claim, (holds, words) in decide_all(
+        claims.write_all(claims.measure_disturbance(records))
+    ).items():
         assert holds
         assert words == COMMITTED[claim]
 
@@ -368,6 +371,6 @@ def test_turns_reduce_the_error_if_the_ratio_of_errors_lies_surely_below_one(rat
 def test_a_margin_lies_below_one_where_a_claim_holds_and_above_where_it_does_not(
     claim, inside, outside
 ):
-    assert published.decide(claim, inside) is True
-    assert published.decide(claim, outside) is False
+    assert decide(claim, inside) is True
+    assert decide(claim, outside) is False
     assert claims.margin(claim, inside)[1] <= 1 <= claims.margin(claim, outside)[0]

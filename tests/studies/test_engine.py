@@ -10,8 +10,8 @@ from backlash.cli.options import _WRONG
 from backlash.estimates import NONE
 from replication.files import ROOT
 from replication.joint import identified_joint
-from replication.published import decide
 from studies import datasheet, engine
+from workbook.judging import decide
 
 JOINT = identified_joint()
 

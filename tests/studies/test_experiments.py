@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published, table2
+from replication import table2
 from replication.files import ROOT
 from replication.joint import change, identified_joint, settled_peak, simulate
 from replication.records import add_noise, constant_speed
 from studies import claims, experiments
+from workbook.judging import decide
 
 
 @pytest.mark.parametrize(
@@ -27,7 +28,7 @@ def test_noise_of_another_law_is_noticed(law, is_uniform):
     rng = np.random.default_rng(3)
     noises = {(level, 1): law(rng.uniform(-0.1, 0.1, 2401)) for level in range(9)}
     p = claims.measure_uniform_noise(experiments.noise_tests(noises.values()))["smallest"]
-    assert published.decide("uniform_noise", p) is is_uniform
+    assert decide("uniform_noise", p) is is_uniform
 
 
 def test_the_teeth_meet_twice_a_turn_on_alternate_sides():

@@ -6,6 +6,7 @@ import workbook
 from replication.signature import rmse
 from studies import claims, optimizers
 from tests.made import TIME, TRUE, make_record
+from workbook.judging import decide_all
 
 RECORD = make_record(t=TIME[:801])
 
@@ -45,7 +46,7 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
         rows += result(f"{name}, population 300", "swarm", swarm)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
     measured = {"cma_beats_swarms": claims.measure_swarms(compared)}
-    assert claims.decide(measured)["cma_beats_swarms"][0] is holds
+    assert decide_all(claims.write_all(measured))["cma_beats_swarms"][0] is holds
 
 
 @pytest.mark.parametrize(("found", "holds"), [(0, True), (15, None), (30, False)])
@@ -55,7 +56,7 @@ def test_classical_methods_cannot_be_applied_if_the_best_of_them_fails_more_ofte
     rows = result("simplex", "classical", found) + result("other", "classical", 0)
     table = optimizers.success_table(pd.DataFrame(rows))
     measured = {"classical_cannot": claims.measure_classical(table, "classical")}
-    decided, words = claims.decide(measured)["classical_cannot"]
+    decided, words = decide_all(claims.write_all(measured))["classical_cannot"]
     assert decided is holds
     assert f"simplex {found} of 30" in words
 

@@ -1,4 +1,4 @@
-"""Notebooks in a project of their own, and a real browser where one is installed."""
+"""A project of its own for the machine, and a real browser where one is installed."""
 
 import os
 import shutil
@@ -7,14 +7,21 @@ from unittest import mock
 import pytest
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SETTINGS = (
+    '[tool.workbook]\npackages = ["tools"]\nfolders = ["BACKLASH_DATA"]\nkept = "tools.kept"\n'
+)
 
 
 @pytest.fixture
 def project(tmp_path):
-    """Write sources of notebooks by name; return the folder that holds `notebooks`."""
+    """Write sources of notebooks by name; return the folder of a project that holds `notebooks`."""
 
     def write(**sources):
-        (tmp_path / "notebooks").mkdir(exist_ok=True)
+        for name in ("notebooks", "tools", "results"):
+            (tmp_path / name).mkdir(exist_ok=True)
+        (tmp_path / "pyproject.toml").write_text(SETTINGS)
+        (tmp_path / "requirements.lock").write_text("numpy==2.0\n")
+        (tmp_path / "tools" / "__init__.py").touch()
         for name, text in sources.items():
             (tmp_path / "notebooks" / f"{name}.py").write_text(text, "utf-8")
         return tmp_path

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from workbook import ROOT
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 pytestmark = pytest.mark.slow
 NOTEBOOKS = [*notebook_sources()]

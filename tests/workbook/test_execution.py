@@ -15,22 +15,21 @@ import psutil
 import pytest
 
 from replication.files import UserError, write_files
-from workbook import ROOT, execution
+from workbook import ROOT, execution, stamps
 
 GOOD = """# %% tags=["parameters"]
 repeats = 30
 
 # %%
-import sys
 import matplotlib
 import pandas as pd
 import workbook
 table = pd.DataFrame({"repeats": [repeats]})
 workbook.verdict("Thirty.", cells={"text.runs": repeats}, tables={"small": table})
-print("a bar of progress", file=sys.stderr)
 print(matplotlib.rcParams["font.family"])
 """
-LEFT = ["notebooks/small.ipynb", "results/outcomes/small.json", "results/small.csv"]
+NAME = "01_small"
+LEFT = [f"notebooks/{NAME}.ipynb", f"results/outcomes/{NAME}.json", "results/small.csv"]
 
 
 @pytest.fixture
@@ -54,18 +53,22 @@ def made_in(folder):
 
 
 def small(folder):
-    return folder / "notebooks" / "small.py"
+    return folder / "notebooks" / f"{NAME}.py"
+
+
+def run(folder):
+    return execution.run(small(folder), folder)
 
 
 @pytest.mark.slow
 def test_a_run_leaves_the_same_bytes_each_time_whatever_a_users_settings(
     project, tmp_path, monkeypatch
 ):
-    folder = project(small=GOOD)
-    execution.run(small(folder))
+    folder = project(**{NAME: GOOD})
+    run(folder)
     first = made_in(folder)
     assert list(first) == LEFT
-    assert (folder / ".make" / "small.ran").exists()
+    assert (folder / ".make" / f"{NAME}.ran").exists()
     outputs = nbformat.read(folder / LEFT[0], as_version=4).cells[1].outputs
     streams = [each.text for each in outputs if each.output_type == "stream"]
     assert streams == ["['sans-serif']\n"]
@@ -80,7 +83,7 @@ def test_a_run_leaves_the_same_bytes_each_time_whatever_a_users_settings(
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("PYTHONSTARTUP", str(home / "startup.py"))
     monkeypatch.setenv("MATPLOTLIBRC", str(home / ".config/matplotlib"))
-    execution.run(small(folder))
+    run(folder)
     assert made_in(folder) == first
 
 
@@ -101,55 +104,58 @@ results.mkdir()
     ("ending", "says"),
     [
         ("1 / 0", "ZeroDivisionError: division by zero"),
-        ("time.sleep(60)", ".*timed out"),
-        ("os._exit(1)", "Kernel died"),
+        ("time.sleep(60)", "A cell timed out while it was being executed, after 2 seconds.;"),
+        ("os._exit(3)", "the kernel died: it ended itself, with status 3;"),
+        ("os.kill(os.getpid(), 9)", r"the kernel died: killed: out of memory\?;"),
+        ("import warnings\nwarnings.warn('old')", "it says on stderr: .*UserWarning: old"),
+        ("os.system('echo some words >&2')", "it says on stderr: some words;"),
+        ("for k in range(12): print('x' * 2**20)", "it says on stderr: more than .* are printed"),
     ],
 )
 def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
     project, ending, says, monkeypatch
 ):
-    folder = project(small=f"{FAILS}{ending}\n")
-    (folder / "results").mkdir()
+    folder = project(**{NAME: f"{FAILS}{ending}\n"})
     (folder / "results" / "small.csv").write_text("repeats\n99\n", "utf-8")
     before = made_in(folder)
     monkeypatch.setattr(execution, "CELL_TIMEOUT_S", 2)
-    says = rf"^small\.py, code cell 2: {says}.*$"
+    says = rf"^{NAME}\.py, code cell 2: {says}.*$"
     with pytest.raises(execution.NotebookFailed, match=says):
-        execution.run(small(folder))
+        run(folder)
     assert made_in(folder) == before
-    assert not (folder / ".make" / "small.ran").exists()
+    assert not (folder / ".make" / f"{NAME}.ran").exists()
 
 
 def test_an_executed_notebook_that_was_edited_is_never_overwritten(project, without_kernel):
-    folder = project(small="# %%\nrepeats = 30\n")
-    execution.run(small(folder))
+    folder = project(**{NAME: "# %%\nrepeats = 30\n"})
+    run(folder)
     small(folder).write_text("# %%\nrepeats = 31\n", "utf-8")
-    execution.run(small(folder))  # a change of the source alone
+    run(folder)  # a change of the source alone
     notebook = nbformat.read(folder / LEFT[0], as_version=4)
     notebook.cells[0].source = "repeats = 32"
     nbformat.write(notebook, folder / LEFT[0])
     edited = made_in(folder)
-    with pytest.raises(UserError, match=r"small\.ipynb: edited, and left as it is"):
-        execution.run(small(folder))
+    with pytest.raises(UserError, match=r"01_small\.ipynb: edited, and left as it is"):
+        run(folder)
     assert made_in(folder) == edited
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("newer", ["small.py", "small.ipynb"])
+@pytest.mark.parametrize("newer", [f"{NAME}.py", f"{NAME}.ipynb"])
 def test_the_advice_takes_the_edits_over_whichever_file_is_newer(project, newer, monkeypatch):
-    folder = project(small='# %% tags=["parameters"]\nrepeats = 30\n')
+    folder = project(**{NAME: '# %% tags=["parameters"]\nrepeats = 30\n'})
     shutil.copy(ROOT / "pyproject.toml", folder)
-    execution.run(small(folder))
+    run(folder)
     notebook = nbformat.read(folder / LEFT[0], as_version=4)
     notebook.cells[0].source = "repeats = 32"
     nbformat.write(notebook, folder / LEFT[0])
     os.utime(folder / "notebooks" / newer, (2**32, 2**32))
     with pytest.raises(UserError) as refused:
-        execution.run(small(folder))
+        run(folder)
     advised = shlex.split(re.search(r"(\.venv/bin/jupytext .*) takes", str(refused.value))[1])
     subprocess.run([ROOT / advised[0], *advised[1:]], cwd=folder, check=True, capture_output=True)
     assert 'tags=["parameters"]\nrepeats = 32\n' in small(folder).read_text("utf-8")
-    execution.run(small(folder))
+    run(folder)
     assert b"repeats = 32" in made_in(folder)[LEFT[0]]
 
 
@@ -163,43 +169,19 @@ DAMAGED = {
 
 @pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED)
 def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, text):
-    folder = project(small="# %%\nrepeats = 30\n")
+    folder = project(**{NAME: "# %%\nrepeats = 30\n"})
     (folder / LEFT[0]).write_text(text, "utf-8")
-    with pytest.raises(UserError, match=r"small\.ipynb: no notebook .*; delete it") as refused:
-        execution.run(small(folder))
+    with pytest.raises(UserError, match=r"01_small\.ipynb: no notebook .*; delete it") as refused:
+        run(folder)
     assert "\n" not in str(refused.value)
     assert (folder / LEFT[0]).read_text("utf-8") == text
 
 
 def test_a_source_that_is_not_in_utf_8_is_named_in_one_line(project):
-    folder = project(small="")
+    folder = project(**{NAME: ""})
     small(folder).write_bytes("# %%\nname = 'größer'\n".encode("latin-1"))
-    with pytest.raises(UserError, match=r"^.*small\.py: no notebook .*; correct it$"):
-        execution.run(small(folder))
-
-
-UNNAMED = """# %%
-import os
-from pathlib import Path
-Path(os.environ["REPLICATION_OUT"], "figures").mkdir()
-Path(os.environ["REPLICATION_OUT"], "figures", "one.svg").touch()
-"""
-
-
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (UNNAMED, "figures/one.svg: made, and named in no call"),
-        ('# %%\nif False: workbook.show_figure("one", 1, "")\n', "not made"),
-    ],
-)
-def test_a_run_that_makes_other_files_than_its_source_names_fails(
-    project, text, says, without_kernel
-):
-    folder = project(small=text)
-    with pytest.raises(execution.NotebookFailed, match=says):
-        execution.run(small(folder))
-    assert made_in(folder) == {}
+    with pytest.raises(UserError, match=r"^.*01_small\.py: no notebook .*; correct it$"):
+        run(folder)
 
 
 LEAVES_AN_OUTCOME = """# %%
@@ -207,18 +189,16 @@ import os
 from pathlib import Path
 outcomes = Path(os.environ["REPLICATION_OUT"], "results", "outcomes")
 outcomes.mkdir(parents=True)
-(outcomes / "small.json").write_text("{}")
-if False: workbook.verdict("Thirty.", cells={})
+(outcomes / "01_small.json").write_text("{}")
 """
 
 
 def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
-    folder = project(small=LEAVES_AN_OUTCOME)
-    (folder / "results").mkdir()
+    folder = project(**{NAME: LEAVES_AN_OUTCOME})
     (folder / "results" / "outcomes").touch()  # no folder
     before = made_in(folder)
-    with pytest.raises(execution.NotebookFailed, match=r"small\.py: .*results/outcomes"):
-        execution.run(small(folder))
+    with pytest.raises(execution.NotebookFailed, match=r"01_small\.py: .*results/outcomes"):
+        run(folder)
     assert made_in(folder) == before
     assert not list(folder.rglob("*.tmp"))
 
@@ -243,16 +223,16 @@ def test_files_are_written_all_or_none_and_what_stands_in_the_way_is_named(tmp_p
 
 @pytest.mark.slow
 def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(project):
-    folder = project(small=GOOD)
-    old = folder / ".make" / "small.staging"
+    folder = project(**{NAME: GOOD})
+    old = folder / ".make" / f"{NAME}.staging"
     old.mkdir(parents=True)
-    execution.run(small(folder))
+    run(folder)
     shared = {folder / "results": 0o2775, folder / "results" / "small.csv": 0o664}
     for path, mode in shared.items():
         path.chmod(mode)
     mask = os.umask(0o077)
     try:
-        execution.run(small(folder))
+        run(folder)
     finally:
         os.umask(mask)
     assert [path.stat().st_mode & 0o7777 for path in shared] == [*shared.values()]
@@ -264,7 +244,7 @@ def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(projec
 def test_an_interrupted_run_says_one_line_and_leaves_no_kernel(project, tmp_path, ending):
     pids = tmp_path / "pids.txt"
     text = f"# %%\nimport os, time\nopen({str(pids)!r}, 'w').write(f'{{os.getpid()}} ')\ntime.sleep(100)\n"
-    folder = project(small=text)
+    folder = project(**{NAME: text})
     command = [sys.executable, "-m", "workbook", "run", small(folder)]
     running = subprocess.Popen(
         command, cwd=ROOT, env=without_data(), stderr=subprocess.PIPE, text=True
@@ -289,20 +269,20 @@ if os.environ["BACKLASH_RECORDS"] not in {}: raise DataUnavailable("Speeddata3.x
 
 @pytest.mark.slow
 def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_or_not_at_all(project):
-    folder = project(small=NEEDS.format(["simulated"]))
-    assert "on our simulated records" in execution.run(small(folder))
-    assert list(made_in(folder)) == ["results/offline/notebooks/small.ipynb"]
-    assert b"our simulated records" in made_in(folder)["results/offline/notebooks/small.ipynb"]
-    folder = project(small=NEEDS.format([]))
-    assert "small: not run: Speeddata3.xlsx" in execution.run(small(folder))
-    assert not (folder / ".make" / "small.ran").exists()
+    folder = project(**{NAME: NEEDS.format(["simulated"])})
+    assert "on our simulated records" in run(folder)
+    assert not {*LEFT} & {*made_in(folder)}
+    assert b"our simulated records" in made_in(folder)[f"results/offline/{LEFT[0]}"]
+    folder = project(**{NAME: NEEDS.format([])})
+    assert "01_small: not run: Speeddata3.xlsx" in run(folder)
+    assert stamps.find_why_due(folder, NAME) == "not run: Speeddata3.xlsx: where?"
 
 
-@pytest.mark.parametrize("name", ["small.ipynb", "missing.py"])
+@pytest.mark.parametrize("name", [f"{NAME}.ipynb", "missing.py"])
 def test_what_is_no_source_of_a_notebook_is_refused(project, name):
-    folder = project(small=GOOD)
+    folder = project(**{NAME: GOOD})
     with pytest.raises(UserError, match=r"give the \.py source of a notebook"):
-        execution.run(folder / "notebooks" / name)
+        execution.run(folder / "notebooks" / name, folder)
 
 
 def test_two_notebooks_share_the_cores_and_the_memory():
@@ -335,46 +315,32 @@ def test_a_killed_make_leaves_no_process_and_no_half_file_and_the_next_one_goes_
     project, tmp_path
 ):
     pids = tmp_path / "pids.txt"
-    folder = project(small=GOOD, long=LONG.format(pids=str(pids)))
+    folder = project(**{NAME: GOOD, "02_long": LONG.format(pids=str(pids))})
     make = start_make(folder)
     wait_until(lambda: pids.exists() and len(pids.read_text().split()) == 3, 100)
-    wait_until((folder / ".make" / "small.ran").exists, 100)
+    wait_until((folder / ".make" / f"{NAME}.ran").exists, 100)
     started = [process.pid for process in psutil.Process(make.pid).children(recursive=True)]
     make.kill()  # and nobody waits for it
     everything = {*started, *map(int, pids.read_text().split())}
     wait_until(lambda: not everything.intersection(psutil.pids()), 10)
     make.wait()
     assert [name for name in LEFT if name in made_in(folder)] == LEFT
-    assert not (folder / "notebooks" / "long.ipynb").exists()
+    assert not (folder / "notebooks" / "02_long.ipynb").exists()
     for source, status in (("1 / 0", 2), ("print(1)", 0)):
-        (folder / "notebooks" / "long.py").write_text(f"# %%\n{source}\n", "utf-8")
+        (folder / "notebooks" / "02_long.py").write_text(f"# %%\n{source}\n", "utf-8")
         assert start_make(folder).wait(100) == status
-    assert (folder / "notebooks" / "long.ipynb").exists()
+    assert (folder / "notebooks" / "02_long.ipynb").exists()
 
 
 def start_make(folder):
-    """Start `make all` of our Makefile on another project's notebooks."""
+    """Start `make all` of our Makefile on another project, which has no report."""
     shutil.copy(ROOT / "Makefile", folder)
-    names = [path.stem for path in (folder / "notebooks").glob("*.py")]
-    (folder / ".make").mkdir(exist_ok=True)
-    for package in ("workbook", "replication"):
-        if not (folder / package).exists():
-            (folder / package).symlink_to(ROOT / package)
     (folder / ".venv").mkdir(exist_ok=True)
-    (folder / "results").mkdir(exist_ok=True)
-    made = ("pyproject.toml", "requirements.lock", ".venv/.installed", ".make/report.ran")
-    for name in (*made, "results/kept_sha256.json"):
-        (folder / name).touch()
-    os.utime(folder / ".make" / "report.ran", (2**32, 2**32))  # the report is our own project's
-    command = [
-        "make",
-        "all",
-        "PACKAGES=",
-        "BEYOND=",
-        "READERS=",
-        f"PY={shlex.quote(sys.executable)}",
-    ]
-    command += [f"STAMPS={' '.join(f'.make/{name}.ran' for name in names)}"]
+    (folder / ".venv" / ".installed").touch()
+    run = folder / "run.sh"
+    machine = f"PYTHONPATH={shlex.quote(str(ROOT))} {shlex.quote(sys.executable)} -m workbook"
+    run.write_text(f'test "$1" = report || exec env {machine} "$@"\n')
+    command = ["make", "all", "RUN=sh run.sh"]
     return subprocess.Popen(command, cwd=folder, env=without_data(), stderr=subprocess.DEVNULL)
 
 

@@ -175,11 +175,51 @@ def test_an_installer_that_ends_well_and_installs_nothing_sets_no_stamp(folder):
     assert not (folder / ".venv" / ".installed").exists()
 
 
+@pytest.mark.parametrize("kind", ["another's", "a file", "a link to nowhere"])
+def test_an_environment_that_is_not_ours_is_left_as_it_is(folder, kind):
+    if kind == "another's":
+        (folder / ".venv" / "bin").mkdir(parents=True)
+        (folder / ".venv" / "notes.txt").write_text("mine")
+    elif kind == "a file":
+        (folder / ".venv").touch()
+    else:
+        (folder / ".venv").symlink_to(folder / "nowhere")
+    before = sorted(folder.rglob("*"))
+    with pytest.raises(SystemExit, match=r"^\.venv: not made by this Makefile"):
+        install.clear_environment()
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_ours_is_emptied_also_behind_a_link_and_what_was_added_by_hand_is_named(folder, capsys):
+    site = folder / "disk" / "lib" / "python3.11" / "site-packages"
+    for name in ("numpy-2.0", "Some_Tool-1.0"):
+        (site / f"{name}.dist-info").mkdir(parents=True)
+        about = site / f"{name}.dist-info" / "METADATA"
+        about.write_text(f"Name: {name.partition('-')[0]}\nVersion: 1\n")
+    (folder / "disk" / install.MARK).write_text("numpy==2.0 \\\n    --hash=sha256:00\n")
+    (folder / ".venv").symlink_to("disk")
+    install.clear_environment()
+    assert capsys.readouterr().out == "Packages that were added to .venv by hand go: some-tool\n"
+    assert (folder / ".venv").is_symlink()
+    assert [*(folder / "disk").iterdir()] == []
+    install.clear_environment()
+
+
+@pytest.mark.parametrize("major", [3, 4])
+def test_another_python_than_that_of_the_environment_is_noticed(folder, major):
+    (folder / ".venv").mkdir()
+    about = folder / ".venv" / "pyvenv.cfg"
+    about.write_text(f"home = /usr/bin\nversion = {major}.{sys.version_info.minor}.1\n")
+    assert install.has_this_python() == (major == sys.version_info.major)
+
+
 def test_a_second_make_waits_and_finds_what_the_first_has_installed(folder):
     (folder / ".make").mkdir()
     (folder / ".venv").mkdir()
     for name in ("pyproject.toml", "requirements.lock", ".venv/.installed"):
         (folder / name).touch()
+    number = ".".join(map(str, sys.version_info[:3]))
+    (folder / ".venv" / "pyvenv.cfg").write_text(f"version = {number}\n")
     os.utime(folder / "pyproject.toml", (2**32, 2**32))
     with (folder / ".make" / "install.lock").open("wb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

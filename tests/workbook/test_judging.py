@@ -13,7 +13,7 @@ from replication import characteristic, published, table2
 from replication.files import UserError
 from workbook import judging
 from workbook.outcomes import cell_rows, load_outcomes
-from workbook.sources import RESULTS
+from workbook.project import RESULTS
 
 CELLS = published.cells()
 EXPORTED = {
@@ -53,7 +53,11 @@ def test_the_numbers_that_follow_from_others_are_exported_as_they_follow():
 
 
 def judged(cell, numbers):
-    return judging.judge_number(**cell_rows({cell: numbers})[0])
+    return judging.judge_numbers(cell_rows({cell: numbers})).loc[cell]
+
+
+def tolerance_of(cell):
+    return CELLS.at[cell, "abs_tol"] + CELLS.at[cell, "rel_tol"] * abs(CELLS.at[cell, "value"])
 
 
 def agreement(cell, numbers):
@@ -80,6 +84,7 @@ def print_number(monkeypatch):
         printed.loc[cell, "value"] = value
         elements = {None: printed} | dict([*printed.groupby("element", sort=False)])
         monkeypatch.setattr(published, "cells", lambda element=None: elements[element])
+        monkeypatch.setattr(judging, "read_table", lambda name: printed)
 
     return give
 
@@ -89,7 +94,7 @@ def print_number(monkeypatch):
 
 def test_a_value_within_its_tolerance_agrees_and_one_beyond_differs():
     cell = "table2.row03.noise"
-    value, tolerance = published.value(cell), published.tolerance(cell)
+    value, tolerance = published.value(cell), tolerance_of(cell)
     for off, expected in ((0.99, "agrees"), (1.01, "differs"), (-1.01, "differs")):
         assert agreement(cell, value + off * tolerance) == expected
 
@@ -141,7 +146,7 @@ def test_a_stand_in_s_number_that_is_missing_is_refused_too(monkeypatch):
 @pytest.mark.parametrize("cell", TESTED)
 def test_another_printed_number_changes_the_verdict(cell, print_number):
     """The printed number is put beyond either end of the interval; what follows from it is computed again."""
-    low, high = judging.interval(cell, EXPORTED[cell])
+    low, high = judged(cell, EXPORTED[cell])[["low", "high"]]
     margin = 0.1 * ((high if math.isfinite(high) else 2 * low) - low) + 1e-4 * abs(low)
     ends = [low - margin] if cell in BOUNDS else [low - margin, high + margin]
     for printed in ends:
@@ -154,7 +159,7 @@ def test_another_printed_number_changes_the_verdict(cell, print_number):
 def test_another_number_of_ours_changes_the_verdict(cell):
     """Ours is moved until the printed number lies beyond its interval, on either side; a bound only upwards."""
     numbers, printed = EXPORTED[cell], published.value(cell)
-    low, high = judging.interval(cell, numbers)
+    low, high = judged(cell, numbers)[["low", "high"]]
     if isinstance(numbers, dict):
         if low < 0 < high:
             shift = 1.1 * (printed - low)
@@ -162,7 +167,7 @@ def test_another_number_of_ours_changes_the_verdict(cell):
         else:
             moved = [scaled(numbers, 0.99 * printed / high), scaled(numbers, 1.01 * printed / low)]
     else:
-        over = 1.1 * published.tolerance(cell) + 2e-5 * max(abs(printed), 1e-9)
+        over = 1.1 * tolerance_of(cell) + 2e-5 * max(abs(printed), 1e-9)
         moved = [printed + over] if cell in BOUNDS else [printed - over, printed + over]
     for ours in moved:
         assert agreement(cell, ours) == "differs"
@@ -175,7 +180,7 @@ def test_agreement_is_weak_where_half_or_twice_the_printed_number_would_agree_to
         assert (row["agreement"], row["weak"]) == ("agrees", weak)
     far = judged(cell, {"a": forty(3 * printed, 0.1)})
     assert (far["agreement"], far["weak"]) == ("differs", "")
-    table = judging.verdicts(RESULTS).set_index("id")
+    table = judging.verdicts(RESULTS)
     assert set(table.index[table["weak"] == "yes"]) >= {"table1.t0.min", "table2.row05.sd"}
     assert (table.loc[table["weak"] == "yes", "agreement"] == "agrees").all()
 
@@ -185,7 +190,43 @@ def test_what_is_not_tested_is_a_stand_in_or_taken_over_and_says_so_whatever_its
         assert CELLS.loc[cell, "reason"] != ""
         number = 2 * published.value(cell) + 1
         assert agreement(cell, number) == "not tested"
-        assert judging.judge_number(cell, "recomputed", number)["agreement"] == "not tested"
+        other = judging.judge_numbers([{"id": cell, "source": "recomputed", "numbers": number}])
+        assert other["agreement"].tolist() == ["not tested"]
+
+
+# ---------------------------------------------------------------------------------------------- the claims' rules
+
+LESS, MORE = 3 * (1 - 1e-12), 3 * (1 + 1e-12)
+# Of each rule, its limit and what it tells of measured numbers; None is undecided.
+TOLD = [
+    ("below", 3.0, {2.9: True, LESS: False, MORE: False}),
+    ("at most", 3.0, {LESS: True, MORE: True, 3.0001: False}),
+    ("above", 3.0, {3.1: True, LESS: False, MORE: False}),
+    ("at least", 3.0, {LESS: True, MORE: True, 2.9: False}),
+    ("rounds to", 4e-4, {4.49e-4: True, 4.51e-4: False, 3.51e-4: True, 3.49e-4: False}),
+    ("interval below", 3.0, {(1.0, 2.9): True, (3.1, 4.0): False, (2.0, 4.0): None}),
+    ("interval above", 3.0, {(3.1, 4.0): True, (1.0, 2.9): False, (2.0, 4.0): None}),
+    ("p below", 0.05, {(0.01, 0.99): True, (0.99, 0.01): False, (0.2, 0.8): None}),
+]
+
+
+@pytest.mark.parametrize(("name", "limit", "decided"), TOLD)
+def test_every_rule_tells_what_holds_from_what_does_not_and_last_bits_decide_nothing(
+    monkeypatch, name, limit, decided
+):
+    table = published.table("claims")
+    table.loc["monotone", ["rule", "criterion"]] = name, limit
+    monkeypatch.setattr(judging, "read_table", lambda asked: table)
+    assert {measured: judging.decide("monotone", measured) for measured in decided} == decided
+    numbers = np.size(next(iter(decided)))
+    assert judging.decide("monotone", (np.nan,) * numbers) is None
+    with pytest.raises(ValueError, match="monotone"):
+        judging.decide("monotone", (1.0,) * (3 - numbers))
+
+
+def test_another_limit_can_be_tried():
+    assert judging.decide("half_turn", 0.04) is True
+    assert judging.decide("half_turn", 0.04, {"half_turn": 0.03}) is False
 
 
 # ------------------------------------------------------------------------------- the results that are there
@@ -194,7 +235,7 @@ def test_what_is_not_tested_is_a_stand_in_or_taken_over_and_says_so_whatever_its
 def test_an_outside_recount_of_table_2_moves_no_cell():
     """Plain pandas: of the sorted numbers of all settings with the whole record the k-th from either end."""
     study = pd.read_csv(RESULTS / "table2_realisations.csv")
-    table = judging.verdicts(RESULTS).set_index("id")
+    table = judging.verdicts(RESULTS)
     study = study[study["protocol"].isin([settings.name for settings in table2.SETTINGS])]
     for row, part in study.groupby("row"):
         for of in ("mean", "sd"):
@@ -208,14 +249,13 @@ def test_an_outside_recount_of_table_2_moves_no_cell():
 
 def test_the_numbers_that_differ_are_known_and_each_has_a_reason():
     table = judging.verdicts(RESULTS)
-    differs = table.loc[table["agreement"] == "differs", "id"]
+    differs = table.index[table["agreement"] == "differs"]
     assert (CELLS.loc[differs, "known_difference"] != "").all()
-    assert set(CELLS["source"]) == set(judging.SOURCES)
     assert (CELLS["reason"] != "").all()
 
 
 def test_on_our_own_records_the_source_is_our_joint(monkeypatch):
-    monkeypatch.setattr(workbook.outcomes, "records_are_simulated", lambda: True)
+    monkeypatch.setenv("BACKLASH_RECORDS", "simulated")
     sources = {workbook.outcomes.source_of(cell) for cell in ("table2.row05.mean", "text.runs")}
     assert sources == {"simulated joint"}
     assert workbook.outcomes.source_of("text.load") == "taken over"

@@ -7,7 +7,7 @@ import jupytext
 import nbformat
 import pytest
 
-from workbook.sources import notebook_sources
+from workbook.project import notebook_sources
 
 SOURCES = notebook_sources()
 

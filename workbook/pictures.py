@@ -1,11 +1,14 @@
-"""Pictures that a reader leafs through with a slider: no network, no files, the same bytes from run to run."""
+"""Pictures, the same bytes from run to run: figures in files, and those that a reader leafs through."""
 
 import base64
 import io
 import json
 from collections.abc import Callable
+from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from workbook.project import find_hook
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,20 +32,47 @@ slider.addEventListener("input", () => { pause(); show(+slider.value); });
 }</script>""")
 
 
+def save(figure: "Figure", folder: Path, name: str, mark: str = "") -> None:
+    """Write a figure as SVG and PNG, without anything that differs from run to run; a mark stands across it."""
+    from matplotlib import rc_context  # slow to import, and not every command draws
+
+    folder.mkdir(parents=True, exist_ok=True)
+    if mark:
+        look: dict[str, Any] = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
+        figure.text(0.5, 0.5, mark, ha="center", va="center", **look)
+    with rc_context(find_style()):
+        about = {"Date": None, "Description": describe_axes(figure)}
+        figure.savefig(folder / f"{name}.svg", metadata=about)
+        figure.savefig(folder / f"{name}.png", dpi=200)
+
+
+def find_style() -> Any:
+    """The settings of matplotlib in which the project draws; the ids in an SVG never are by chance."""
+    return {"svg.hashsalt": "workbook"} | (find_hook("style") or {})
+
+
+def describe_axes(figure: "Figure") -> str:
+    """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
+    panels = []
+    for axis in figure.axes:
+        labels = (axis.get_ylabel(), axis.get_xlabel())
+        panels.append(" versus ".join(each.replace("\n", " ") for each in labels if each))
+    return "; ".join(dict.fromkeys(panel for panel in panels if panel))
+
+
 def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, first: int = 0) -> None:
     """Show pictures 0 to count - 1, each drawn on an empty figure by `draw(figure, k)`, with a slider.
 
     Without scripts a page shows the first one; who does not see them reads `words`.
     """
     from IPython.display import display
-    from matplotlib import pyplot as plt  # slow to import, and not every command draws
+    from matplotlib import pyplot as plt
     from matplotlib import rc_context
 
-    from replication import figures
-
     pictures = []
-    with rc_context(figures.STYLE):
-        figure = plt.figure(figsize=(7, 3.6), dpi=80, layout="none")
+    # Axes stand where `draw` puts them: a layout engine would find none of its own, and warn.
+    with rc_context(find_style() | {"figure.constrained_layout.use": False}):
+        figure = plt.figure(figsize=(7, 3.6), dpi=80)
         for k in range(count):
             figure.clear()
             draw(figure, k)

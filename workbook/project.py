@@ -1,0 +1,72 @@
+"""The project that the machine works on: its folder, its settings and its notebooks.
+
+By the standard library alone: `make all` asks, each time, what is due.
+"""
+
+import re
+import tomllib
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from replication.files import UserError
+
+
+def find_root() -> Path:
+    """Find the folder whose pyproject.toml has a table tool.workbook: this one, one above it, or the machine's."""
+    there = Path.cwd()
+    for folder in (there, *there.parents, Path(__file__).parents[1]):
+        if read_settings(folder):
+            return folder
+    raise UserError(f"{there}: no pyproject.toml with a table [tool.workbook], here or above")
+
+
+@cache
+def read_settings(project: Path) -> dict[str, Any]:
+    """Read the table tool.workbook of a project's pyproject.toml; empty where there is none."""
+    file = project / "pyproject.toml"
+    try:
+        return tomllib.loads(file.read_text("utf-8")).get("tool", {}).get("workbook", {})
+    except FileNotFoundError:
+        return {}
+    except (ValueError, OSError) as error:
+        raise UserError(f"{file}: {error}; git checkout brings it back") from error
+
+
+def find_hook(name: str) -> Any:
+    """Find what the settings name as "module:function", code of the project; None where they name nothing."""
+    words = read_settings(ROOT).get(name)
+    if not words:
+        return None
+    module, _, attribute = words.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def pin_environment() -> dict[str, str]:
+    """Variables under which the project's arithmetic is the same everywhere."""
+    pin = find_hook("environment")
+    return pin() if pin else {}
+
+
+ROOT = find_root()
+RESULTS = ROOT / "results"
+
+
+def notebook_sources(project: Path = ROOT) -> dict[str, Path]:
+    """Sources of a project's notebooks by name, in the order of their numbers.
+
+    Raises
+    ------
+    UserError
+        A name is not a number and a word, as that of a copy that a cloud made, or two folders have the same.
+    """
+    files = [*project.glob("notebooks/[0-9]*.py"), *project.glob("notebooks/[!.]*/[0-9]*.py")]
+    sources: dict[str, Path] = {}
+    for path in sorted(files, key=lambda path: path.name):
+        if not re.fullmatch(r"\d+_\w+", path.stem, re.ASCII):
+            raise UserError(f"{path}: a copy? A notebook is named NN_name.py; rename or remove it")
+        if path.stem in sources:
+            raise UserError(f"{path}: {sources[path.stem]} has the same name; rename one")
+        sources[path.stem] = path
+    return sources
