@@ -48,7 +48,7 @@ class AnswerLimits:
 
     # Errors of the model beyond noise, by which the stated SD is that of the errors on joints: a share of the gap, and
     # one of the soft part, which bends rather than breaks, or stands for what else the model lacks.
-    method_error: float = 0.035
+    method_error: float = 0.03
     soft_error: float = 0.1
     # Joints without soft teeth are fitted with a soft part of about this size.
     least_soft_sd_mrad: float = 0.1
@@ -373,8 +373,8 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
         filtered = ""
     if is_bad or shares[largest] > 1:
         raise Refusal(
-            f"speed and torque disagree (chi squared {best.chi2 / problem.size:.2g}, {NAMES[largest].removeprefix('ln_')} "
-            f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
+            f"speed and torque disagree (chi squared {best.chi2 / problem.size:.2g}, "
+            f"{NAMES[largest].removeprefix('ln_')} {distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
             f"SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by "
             f"{low_pass:.1f} ms); {filtered}are "
             "the load's data right? are all other axes held still, and is the arm stiff beside the payload (its "

@@ -98,7 +98,7 @@ def test_the_interval_holds_noise_the_methods_error_and_half_a_count(decide, chi
     fit, held = decide(candidate(0.9, chi2))
     assert (fit.delta_rad, fit.is_none, held) == (pytest.approx(9e-4), False, 0)
     assert fit.chi_squared == chi2 / 100
-    sd = np.sqrt(max(chi2 / 100, 1) * 3e-5**2 + (0.035 * 9e-4) ** 2 + 5e-6**2)
+    sd = np.sqrt(max(chi2 / 100, 1) * 3e-5**2 + (0.03 * 9e-4) ** 2 + 5e-6**2)
     expected = (9e-4 - 1.96 * sd, 9e-4 + 1.96 * sd)
     assert fit.interval_rad == pytest.approx(expected, rel=1e-4)
     for least, reason in ((15.9, Reason.AMBIGUOUS), (16.1, None)):
@@ -112,7 +112,7 @@ def test_minima_count_by_how_well_they_fit_until_they_are_no_answer(decide):
     assert decide(candidate(0.9), candidate(1.0, 116.1))[0].interval_rad == alone
     low, high = decide(candidate(0.9), candidate(1.0, 106.0))[0].interval_rad
     # Of two normal laws, one of which has a weight of exp(-6 / 4), 2.5 % lie beyond either end.
-    sd = np.sqrt(3e-5**2 + (0.035 * np.array([9e-4, 1e-3])) ** 2 + 5e-6**2)
+    sd = np.sqrt(3e-5**2 + (0.03 * np.array([9e-4, 1e-3])) ** 2 + 5e-6**2)
     weight = np.array([1, np.exp(-1.5)]) / (1 + np.exp(-1.5))
     for end, share in ((low, 0.025), (high, 0.975)):
         assert weight @ norm.cdf((end - np.array([9e-4, 1e-3])) / sd) == pytest.approx(share, 1e-3)
@@ -138,7 +138,7 @@ def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_wors
     assert (fit.is_none, held) == (True, 0.05)
     assert fit.interval_rad[0] == 0
     # 0.05 mrad is 0.01 and 1.96 SDs.
-    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.00035**2)
+    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.0003**2)
     assert decide(candidate(0.01), sd_mrad=0.995 * sd)[0].is_none
     assert decide(candidate(0.01), sd_mrad=1.005 * sd) == Reason.TOO_NOISY
     none = {"sd_mrad": 0.01}
@@ -148,8 +148,8 @@ def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_wors
 
 
 def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
-    # With a method's error of 3.5 % and half a count.
-    sd = np.sqrt(0.2**2 - 0.035**2 - 0.005**2)
+    # With a method's error of 3 % and half a count.
+    sd = np.sqrt(0.2**2 - 0.03**2 - 0.005**2)
     assert reason_of(decide(candidate(1.0), sd_mrad=0.999 * sd)) is None
     assert decide(candidate(1.0), sd_mrad=1.001 * sd) == Reason.TOO_NOISY
 
@@ -167,7 +167,7 @@ def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_l
     both = -0.5 * sd_mrad**2
     covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, both], [both, sd_mrad**2]]
     delta, *sds = rules._deviations(theta, covariance)
-    own = 1e-6 * (0.02 + 0.5 * both) + 3.5e-5**2 + (5e-6 + 0.1 * soft) ** 2
+    own = 1e-6 * (0.02 + 0.5 * both) + 3e-5**2 + (5e-6 + 0.1 * soft) ** 2
     room = 0.5e-3 * np.array([sd_mrad, most_mrad])
     assert (delta, *sds) == pytest.approx((1e-3, *np.sqrt(own + room**2)), rel=1e-9)
 
@@ -224,8 +224,8 @@ def test_a_movement_is_refused_beyond_its_limits(
     ("place", "value", "chi2", "words"),
     [
         (GRAVITY, 0.249, 143.0, None),
-        (GRAVITY, -0.251, 100.0, "gravity -2.5"),
-        (RATIO, -0.251, 100.0, "inertia_ratio -2.5"),
+        (GRAVITY, -0.251, 100.0, "squared 1, gravity -2.5"),
+        (RATIO, -0.251, 100.0, "squared 1, inertia_ratio -2.5"),
         (SHARE, 0.349, 100.0, None),
         (LOSS, 0.351, 100.0, "loss .3.5"),
         (STIFFNESS, 0.0, 144.0, r"ms\); are the load's data right"),
