@@ -205,7 +205,7 @@ def test_starts_are_compared_by_one_measure_under_the_settings_that_all_have(kep
     for start, row in compared.iterrows():
         same = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
         protocols = [each.protocol for each in same if each.name in names]
-        ours = kept[kept["protocol"].isin(protocols) & kept["row"].isin(ROWS)]
+        ours = kept[kept["protocol"].isin(protocols) & (kept["row"] <= 10)]
         ratio = ours["mean_A_rps"] / ours["row"].map(theoretical)
         off = 100 * ratio.groupby([ours["protocol"], ours["realisation"]]).mean() - 100
         assert (row["settings"], row["tables"]) == (2, len(off))
