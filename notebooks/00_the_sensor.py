@@ -101,7 +101,7 @@ def draw_turn(figure, k):
 
 
 workbook.flipbook(
-    draw_turn, frames.size, "arm, teeth and motor speed during a turn"
+    draw_turn, frames.size, "arm, teeth and motor speed during a turn", name="teeth"
 )
 met = np.interp(run.impacts[run.impacts >= T_f], run.t, run.theta_l)
 workbook.say(

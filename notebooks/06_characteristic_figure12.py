@@ -164,7 +164,9 @@ upper.set(ylabel=figures.BACKLASH_LABEL)
 missed = "equation 10 less printed points"
 lower.plot(theoretical, 1e3 * (in_rpm - delta), label=missed, **figures.PRINTED)
 between = 1e3 * (by_ours - by_print)
-lower.plot(A_rps, between, label="ours less equation 10", **DASHED)
+lower.plot(
+    A_rps, between, "-.", color=figures.VERMILION, label="ours less equation 10"
+)
 lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
 figures.centre(lower)
 workbook.show_figure(

@@ -143,6 +143,7 @@ theirs = figures.PRINTED | {"label": "printed, not tested"}
 axis.errorbar(at + 0.1, rows["printed_mean"], rows["printed_sd"], **theirs)
 axis.plot(at + 0.2, rows["printed_known"], "<", label="printed known $A$")
 axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
+axis.set(xlabel="backlash of the bench")
 axis.set_xticks(at, rows.index)
 workbook.show_figure(
     "table3_bench",

@@ -93,7 +93,7 @@ def numbers_of_the_text() -> dict[str, float]:
     levels = equation_10(rows["theoretical"].to_numpy())
     numbers = {
         "error_rad_small": rows["error_rad"].iloc[0],
-        "error_rad_large": rows["error_rad"].max(),
+        "error_rad_large": rows["error_rad"].iloc[-1],
         "levels": np.count_nonzero(published.column("Table 2", "theoretical")),
         "delta_min": levels[0],
         "delta_max": levels[-1],

@@ -80,6 +80,14 @@ def write_realisations() -> None:
     make_realisations()
 
 
+def write_starts() -> None:
+    """Why the means are too small where a start is drawn for each row, into results/table2_starts.csv."""
+    from studies import starts
+
+    for table in starts.measure_rows(starts.planned_rows()):
+        write_kept(RESULTS / "table2_starts.csv", table)
+
+
 STUDIES = {
     "claims": write_claims,
     "datasheet": write_datasheet,
@@ -88,6 +96,7 @@ STUDIES = {
     "identify-joint": write_joint,
     "prediction": write_prediction,
     "realisations": write_realisations,
+    "starts": write_starts,
 }
 
 

@@ -62,9 +62,10 @@ CLAIMS = {
     ),
     # The dead zone.
     "stiffness_zero_inside": Claim(
-        ("at_edge",),
-        "{at_edge:100×.0f} % of K_s at the edge; in mid-gap {of_first:100×.1f} % at {first_rad:1e3×.1f} mrad to "
-        "{of_last:100×.1f} % at {last_rad:1e3×.1f} mrad, at alpha = {alpha} per rad",
+        ("smallest", "largest"),
+        "true in the limit of a large alpha, which is not printed; in mid-gap {rows}; at the edge {at_edge:100×.0f} % "
+        "whatever alpha",
+        "{smallest:100×.2g} to {largest:100×.2g} % of K_s at alpha = {alpha} per rad",
     ),
     "no_discontinuity": Claim(
         ("smallest_nm",), "the torque jumps at zero by {smallest_nm:.2g} to {largest_nm:.2g} N m"
@@ -78,7 +79,9 @@ CLAIMS = {
     "encoder_step": Claim(("step_rad",), "one step of the encoder is {step_rad:1e3×.3g} mrad"),
     "error_rad_small": Claim(("error_rad",), "{error_rad:.2g} rad at {delta_rad:1e3×.1f} mrad"),
     "error_rad_large": Claim(
-        ("error_rad",), "the largest error is {error_rad:.2g} rad, at {delta_rad:1e3×.1f} mrad"
+        ("error_rad",),
+        "{error_rad:.2g} rad at {delta_rad:1e3×.1f} mrad, {share:100×.0f} % of the printed number, which may be "
+        "meant as a bound",
     ),
     # Table 2.
     "error_below_10": Claim(
@@ -92,10 +95,10 @@ CLAIMS = {
     ),
     "quality_decreases": Claim(
         ("smallest", "largest"),
-        "in rad the last row errs more than the first in {share:100×.0f} % of our {tables} tables ({smallest:100×.0f} "
-        "to {largest:100×.0f} % by setting; RMS {first_rad:1e6×.0f} and {last_rad:1e6×.0f} µrad), in percent in "
-        "{in_percent:100×.0f} %; row by row the rank correlation is {correlation_rad:+.2f}, in percent "
-        "{correlation_percent:+.2f}",
+        "in rad the later row errs more in {rows} of our {tables} tables; in percent row {last} errs more than row "
+        "{first} in {in_percent:100×.0f} %",
+        "{share:100×.0f} % (row {later} against row {earlier})",
+        " to ",
     ),
     "local_minima": Claim(
         ("smallest", "largest"),
@@ -223,7 +226,7 @@ def margin(claim: str, compared: Any, criteria: Criteria = None) -> tuple[float,
             ends = np.abs(numbers - limit) / published.half_last_digit(str(limit))
         elif rule == "p below":  # p of the claim, and of its opposite
             ends = np.array([numbers[0] / limit, limit / numbers[1]])
-        elif "below" in rule or rule == "at most":
+        elif "bound" in rule or "below" in rule or rule == "at most":
             ends = numbers / limit
         else:
             ends = limit / numbers
@@ -311,22 +314,21 @@ def measure_dead_zone(joint: Joint) -> dict[str, Numbers]:
         sharp = joint._replace(alpha=alpha, clamped=False)
         before, after = (tau_l(side * 1e-15, 0.0, delta, side, sharp) for side in (-1, 1))
         row = {
-            "delta_rad": delta,
+            "alpha": alpha,
             "at_edge": K_BL(delta, delta, joint.K_s, alpha) / joint.K_s,
             "in_middle": K_BL(0.0, delta, joint.K_s, alpha) / joint.K_s,
             "jump_nm": before - after,
         }
         rows.append(row)
     gaps = DataFrame(rows)
-    softest = gaps[: len(gaps) // len(SHARP_EDGES)]
+    middle = gaps.groupby("alpha")["in_middle"].agg(smallest="min", largest="max").reset_index()
+    middle["alpha"] = [f"{alpha:.0e}".replace("e+0", "e") for alpha in middle["alpha"]]
     return {
         "stiffness_zero_inside": {
+            "smallest": gaps["in_middle"].min(),
+            "largest": gaps["in_middle"].max(),
             "at_edge": gaps["at_edge"].min(),
-            "of_first": softest["in_middle"].iloc[0],
-            "first_rad": softest["delta_rad"].iloc[0],
-            "of_last": softest["in_middle"].iloc[-1],
-            "last_rad": softest["delta_rad"].iloc[-1],
-            "alpha": f"{SHARP_EDGES[0]:.0e}".replace("e+0", "e"),
+            "rows": middle.to_dict("records"),
         },
         "no_discontinuity": {
             "smallest_nm": gaps["jump_nm"].min(),
@@ -346,16 +348,15 @@ def measure_equation_10() -> dict[str, Numbers]:
     rows = printed_rows()
     A_rps = np.linspace(0, rows["theoretical"].max(), 1000)
     by_equation = equation_10(rows["theoretical"].to_numpy())
-    small = rows.iloc[0]
-    large = rows.loc[rows["error_rad"].idxmax()]
     return {
         "monotone": {
             "slope": np.gradient(equation_10(A_rps), A_rps).min(),
             "miss_rad": np.abs(by_equation - rows["delta_rad"]).max(),
         },
         "encoder_step": {"step_rad": encoder_step_rad()},
-        "error_rad_small": small[["error_rad", "delta_rad"]].to_dict(),
-        "error_rad_large": large[["error_rad", "delta_rad"]].to_dict(),
+        "error_rad_small": rows[["error_rad", "delta_rad"]].iloc[0].to_dict(),
+        "error_rad_large": rows[["error_rad", "delta_rad"]].iloc[-1].to_dict()
+        | {"share": rows["error_rad"].iloc[-1] / published.criterion("error_rad_large")},
     }
 
 
@@ -422,19 +423,33 @@ def measure_our_errors(means: DataFrame) -> Numbers:
     }
 
 
+END_ROWS = 3  # at either end of Table 2
+
+
 def measure_quality(means: DataFrame) -> Numbers:
-    """The share of our tables whose last row errs more in rad than the first, from means [rps], a row a table."""
+    """The share of our tables in which a later row errs more in rad than an earlier one, from means [rps].
+
+    `means` has a row a table. Each of the last three rows is compared with each of the first three.
+    """
     rows = printed_rows()
     errors = np.abs(equation_10(means) - rows["delta_rad"].to_numpy())
     percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
-    rms_rad = root_mean_square(errors, axis=0)
-    rms_percent = root_mean_square(percent, axis=0)
-    return share_by_setting(pd.Series(errors[:, -1] > errors[:, 0], means.index)) | {
-        "first_rad": rms_rad[0],
-        "last_rad": rms_rad[-1],
+    numbers = rows.index
+    pairs = DataFrame(
+        [
+            (earlier, later, np.mean(errors[:, later - 1] > errors[:, earlier - 1]))
+            for earlier, later in product(numbers[:END_ROWS], numbers[-END_ROWS:])
+        ],
+        columns=["earlier", "later", "share"],
+    ).sort_values("share")
+    return {
+        "smallest": pairs["share"].iloc[0],
+        "largest": pairs["share"].iloc[-1],
+        "tables": len(means),
+        "rows": pairs.iloc[[0, -1]].to_dict("records"),
+        "first": numbers[0],
+        "last": numbers[-1],
         "in_percent": np.mean(percent[:, -1] > percent[:, 0]),
-        "correlation_rad": stats.kendalltau(rows["delta_rad"], rms_rad).statistic,
-        "correlation_percent": stats.kendalltau(rows["delta_rad"], rms_percent).statistic,
     }
 
 

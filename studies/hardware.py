@@ -40,6 +40,26 @@ def list_logs() -> pd.DataFrame:
     return pd.read_csv(Path(__file__).with_name("hardware.csv"), index_col="log")
 
 
+# Why the sensor refuses a log, as the end of a sentence.
+BECAUSE = {
+    "not constant speed": "the speed is not constant",
+    "no gravity in the torque": "the torque shows no gravity",
+    "turns differ": "the turns differ",
+}
+
+
+def describe_answers(answers: pd.DataFrame) -> dict[str, Any]:
+    """How many logs the sensor refuses, and how many for the usual reason: from verdicts and reasons, a row a log."""
+    reasons = answers.loc[answers["verdict"] == "cannot tell", "reason"]
+    usual = reasons.value_counts()
+    return {
+        "logs": len(answers),
+        "refused": len(reasons),
+        "usual": int(usual.max()) if len(usual) else 0,
+        "because": BECAUSE.get(usual.index[0], usual.index[0]) if len(usual) else "",
+    }
+
+
 def load_log(row: Mapping[str, Any]) -> JointLog:
     """Read the log of a row of `list_logs`; DataUnavailable where it cannot be had."""
     address = f"https://raw.githubusercontent.com/{row['repository']}/{row['commit']}/"
@@ -155,12 +175,6 @@ def measure_log(name: str) -> dict[str, Any]:
     told = answer(log, row)
     about = {"log": name, "verdict": told.verdict, "reason": told.reason, "way": longest_way(log)}
     return about | fit_rigid_load(log).to_dict()
-
-
-def count_refusals(answers: pd.DataFrame) -> dict[str, Any]:
-    """Count logs, those that the sensor refuses, and its reasons, the usual one first, of `measure_all`."""
-    reasons = answers.loc[answers["verdict"] == "cannot tell", "reason"].value_counts()
-    return {"logs": len(answers), "refused": reasons.sum(), "reasons": [*reasons.items()]}
 
 
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:

@@ -41,6 +41,14 @@ def remake_prediction(row: Row) -> Row:
     return prediction.run_prediction([row["row"]]).iloc[0].to_dict()
 
 
+def remake_start(row: Row) -> Row:
+    """Thirty fits by one search on a row of Table 2, with the others on it."""
+    from studies import starts
+
+    rows = starts.measure_row(*(row[key] for key in ("noise", "settings", "start", "table", "row")))
+    return next(each for each in rows if each["search"] == row["search"])
+
+
 def remake_optimizer_run(row: Row) -> Row:
     """One run of a search."""
     from studies import optimizers
@@ -90,6 +98,7 @@ def remake_engine_log(row: Row) -> Row:
 KEPT = {
     "table2_realisations": Kept("make studies NAME=realisations", remake_realisation),
     "table2_prediction": Kept("make studies NAME=prediction", remake_prediction),
+    "table2_starts": Kept("make studies NAME=starts", remake_start),
     "optimizers": Kept("make studies NAME=claims", remake_optimizer_run),
     "noise_by_turns": Kept("make studies NAME=claims", remake_noise_error),
     "alpha_refit": Kept("make studies NAME=claims", remake_alpha),

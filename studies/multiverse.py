@@ -12,7 +12,7 @@ or the start, it is ranked among the whole tables. If the printed table is one o
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from scipy import stats
 
 from replication import published
 from replication.signature import FloatArray
-from replication.table2 import DRAWN, DRAWN_STARTS, ROWS, SETTINGS, WHOLE
+from replication.table2 import DRAWN, DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
 from studies.claims import Numbers, span
 from studies.intervals import prediction_interval
 
@@ -29,6 +29,17 @@ DRAWS = 20_000  # tables recombined for a p
 LEVEL = 0.05
 TOGETHER = "together"  # all settings of a start
 INSIDE = "in interval"
+# Why a start, or settings, may be those of Table 2.
+WHY = {
+    WHOLE: "as the authors' notebook begins",
+    "per row": "a row is a data set, with one start",
+    "per fit": "each run may draw its own",
+    "per table": "one start may serve all rows",
+    TOGETHER: "settings are not printed",
+    "authors' notebook": "public, but changed later",
+    "rps": "with Table 1's bounds of A",
+    "rpm": "equation 10 takes A in rpm",
+}
 
 
 def count_inside(printed: FloatArray, ours: FloatArray) -> float:
@@ -128,7 +139,7 @@ def recombine(rows: FloatArray, combine: Callable[..., FloatArray]) -> FloatArra
 
 
 def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
-    """Share of tables that score as far out as each of N, numbers of shape (rows, N): its p as one of them.
+    """Share of tables whose score is as extreme as each of N, numbers of shape (rows, N): its p as one of them.
 
     The share is of tables recombined row by row and itself, or of the N whole tables.
     """
@@ -282,81 +293,127 @@ def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria 
     }
 
 
-class Start(NamedTuple):
-    """What our tables with one start say of the printed one."""
+def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
+    """What our tables with each start say of the printed one, by one measure under the settings that all starts have.
 
-    tables: int
-    settings: int
-    inside: list[float]  # of ten means, by settings, together and alone
-    sds_inside: list[float]  # and of ten SDs
-    means: Rejections
-    sds: Rejections
-    sds_without_row_10: Rejections
-    excluded_by: str
-    excluding: int  # how many scores exclude it at 5 % under all its settings
-    scores: int
-    above: int  # printed means above our medians
-    reaching: int  # our tables whose mean deviation is the printed one or higher
-
-
-def describe_start(realisations: pd.DataFrame, multiverse: pd.DataFrame, start: str) -> Start:
-    """Gather what is said of a start, from `realisations.read_realisations` and `make_multiverse` of them."""
-    (ours, *_), printed = _together(realisations, start), printed_table()
-    chosen = multiverse[multiverse["start"] == start].set_index("numbers")
-    p = largest_p(multiverse, start, LEVEL)
-    return Start(
-        tables=ours.shape[1],
-        settings=chosen["settings"].nunique() - 1,
-        inside=chosen.loc["means", "inside"].dropna().tolist(),
-        sds_inside=chosen.loc["SDs", "inside"].dropna().tolist(),
-        means=count_rejections(multiverse, start, "means"),
-        sds=count_rejections(multiverse, start, "SDs"),
-        sds_without_row_10=count_rejections(multiverse, start, "SDs of rows 1 to 9"),
-        excluded_by=name_exclusions(multiverse, start, LEVEL),
-        excluding=int((p < LEVEL).sum()),
-        scores=p.size,
-        above=int((printed.ratios > np.median(ours, axis=1, keepdims=True)).sum()),
-        reaching=int((ours.mean(axis=0) >= printed.ratios.mean()).sum()),
-    )
-
-
-def find_what_decides(multiverse: pd.DataFrame, start: str, numbers: str) -> list[str]:
-    """Which choices change whether a test of one kind rejects at 5 % under a start: the score, the setting, or none."""
-    chosen = multiverse[(multiverse["start"] == start) & (multiverse["numbers"] == numbers)]
-    alone = chosen[(chosen["settings"] != TOGETHER) & (chosen["score"] != INSIDE)]
-    rejects = (alone["p"] < LEVEL).groupby([alone["settings"], alone["score"]]).any().unstack()
-    varies = {"score": rejects.nunique(axis=1), "setting": rejects.nunique(axis=0)}
-    return [choice for choice, verdicts in varies.items() if (verdicts > 1).any()]
+    Returns
+    -------
+    DataFrame
+        By start: `tables`, ours; `settings`, how many; `means_inside` and `sds_inside`, of ten printed numbers in our
+        95 % prediction intervals; `deviation_percent` of our means from the theoretical A, on average over rows and
+        tables, and its `smallest_percent` and `largest_percent` of the settings; `reaching`, our tables whose means
+        deviate as the printed ones or less.
+    """
+    printed = printed_table()
+    names = {settings.name for settings in DRAWN_STARTS}
+    rows = []
+    for start in STARTS:
+        same = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
+        parts = [
+            arrange_tables(realisations[realisations["protocol"] == settings.protocol])
+            for settings in same
+            if settings.name in names
+        ]
+        ours = Tables(*(np.hstack(numbers) for numbers in zip(*parts, strict=True)))
+        off = [deviation_percent(part.ratios).mean() for part in parts]
+        rows.append(
+            {
+                "start": start,
+                "tables": ours.ratios.shape[1],
+                "settings": len(parts),
+                "means_inside": count_inside(printed.ratios, ours.ratios),
+                "sds_inside": count_inside(printed.sds, ours.sds),
+                "deviation_percent": np.mean(off),
+                "smallest_percent": min(off),
+                "largest_percent": max(off),
+                "reaching": int((ours.ratios.mean(axis=0) >= printed.ratios.mean()).sum()),
+            }
+        )
+    return pd.DataFrame(rows).set_index("start")
 
 
-def _together(realisations: pd.DataFrame, start: str) -> Tables:
-    parts = split_protocols(realisations)
-    return next(arrange_tables(part) for name, _, part in parts if name == start)
+def describe_intervals(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """How Table 2's means and SDs lie in our intervals.
+
+    `rows` have `mean, mean_ours, mean_low, mean_high` and the same of `sd`, by number: `agree`, how many of `all`;
+    `differ`, the rows of the others; `width_percent`, smallest and largest width of an interval over ours; `factor`,
+    smallest and largest upper end over the lower one, of those that agree.
+    """
+    described = {}
+    for of in ("mean", "sd"):
+        low, high = rows[f"{of}_low"], rows[f"{of}_high"]
+        agrees = rows[of].between(low, high)
+        width = 100 * (high - low) / rows[f"{of}_ours"]
+        factor = (high / low)[agrees]
+        described[f"{of}s"] = {
+            "all": len(rows),
+            "agree": int(agrees.sum()),
+            "differ": rows.index[~agrees].tolist(),
+            "width_percent": [float(width.min()), float(width.max())],
+            "factor": [float(factor.min()), float(factor.max())] if agrees.any() else [],
+        }
+    return described
 
 
-def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, object]:
-    """What the report says of Table 2 as a whole, from the kept realisations and `make_multiverse` of them."""
-    ours, printed = _together(realisations, WHOLE), printed_table()
-    drawn = np.concatenate([_together(realisations, start).sds[9] for start in DRAWN])
-    together = multiverse[(multiverse["start"] == WHOLE) & (multiverse["settings"] == TOGETHER)]
-    alarms = multiverse["false_alarms"].dropna()
+def deviation_percent(ratios: FloatArray) -> FloatArray:
+    """Mean deviation of the means of A from the theoretical A [%], of N tables, ratios of shape (rows, N)."""
+    return 100 * (ratios.mean(axis=0) - 1)
+
+
+def write_rejections(tests: Rejections) -> str:
+    """Write how many tests reject: "none of 36 tests"."""
+    if tests.tests == 0:
+        return "too few tables to test"
+    number = {0: "none of", tests.tests: "all"}.get(tests.rejected, f"{tests.rejected} of")
+    return f"{number} {tests.tests} tests"
+
+
+def write_p(p: float, least: float = 0.0) -> str:
+    """Write a p with two digits, or what it is below: 0.44, below 0.001, "at most 0.0031" if it can be no less."""
+    bound = "at most " if p <= 1.001 * least else ""
+    return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
+
+
+def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, Any]:
+    """What the report says of Table 2 as a whole, from the kept realisations and `make_multiverse` of them.
+
+    `starts` are `compare_starts`; `whole` our tables with the whole record under all settings; `rejections` counts
+    tests in words, by start and numbers; `p_of_sds` has the p of each score, in words, with all settings together.
+    """
+    whole = next(arrange_tables(part) for _, _, part in split_protocols(realisations))
+    printed = printed_table()
+    of_whole = multiverse[multiverse["start"] == WHOLE]
+    alone = of_whole[of_whole["settings"] != TOGETHER].set_index("numbers")
+    together = of_whole[of_whole["settings"] == TOGETHER].dropna(subset="p")
+    alarms = 100 * multiverse["false_alarms"].dropna()
+    kinds = [*Tables.numbers(printed)]
+    sds = count_rejections(multiverse, WHOLE, "SDs")
     return {
-        "starts": {
-            each: describe_start(realisations, multiverse, each) for each in (WHOLE, *DRAWN)
+        "starts": compare_starts(realisations).to_dict("index"),
+        "whole": {
+            "tables": whole.ratios.shape[1],
+            "settings": alone["settings"].nunique(),
+            "means_inside": alone.loc["means", "inside"].dropna().tolist(),
+            "sds_inside": alone.loc["SDs", "inside"].dropna().tolist(),
+            "deviation_percent": float(deviation_percent(whole.ratios).mean()),
+            "sds_rejected": sds.rejected / max(sds.tests, 1),
+            "row10_smallest_rps": float(whole.sds[9].min()),
+            "row10_below": int((whole.sds[9] > printed.sds[9]).sum()),
         },
-        "p": {
-            numbers: of_score.set_index("score")["p"].to_dict()
-            for numbers, of_score in together.groupby("numbers")
+        "printed_percent": float(deviation_percent(printed.ratios)[0]),
+        "rejections": {
+            start: {
+                numbers: write_rejections(count_rejections(multiverse, start, numbers))
+                for numbers in kinds
+            }
+            for start in STARTS
         },
-        "least_p": float(together["least_p"].min()),
-        "sds_hang_on": find_what_decides(multiverse, WHOLE, "SDs"),
-        "scores": len(SCORES_OF_MEANS),
-        "row10_smallest": float(ours.sds[9].min()),
-        "row10_below": int((ours.sds[9] > printed.sds[9]).sum()),
-        "row10_drawn": drawn.size,
-        "row10_drawn_lower": int((drawn < printed.sds[9]).sum()),
-        "bias": 100 * (float(np.median(ours.ratios.mean(axis=0))) - 1),
-        "printed_bias": 100 * (float(printed.ratios.mean()) - 1),
-        "false_alarms": 100 * alarms.mean(),
-        "most_false_alarms": 100 * alarms.max(),
+        "p_of_sds": {
+            numbers: {
+                row["score"]: write_p(row["p"], row["least_p"]) for row in part.to_dict("records")
+            }
+            for numbers, part in together.groupby("numbers", sort=False)
+            if numbers != "means"
+        },
+        "false_alarms_percent": {"mean": float(alarms.mean()), "most": float(alarms.max())},
     }

@@ -6,8 +6,8 @@
    them together, and ours is their median.
 3. `agrees`: the printed number lies in the interval. `differs`: it does not. `not tested`: ours is a stand-in's or
    was taken over, no notebook computed it, or too few realisations give an interval.
-4. `resolution`: how far below and above ours the printed number might have been, and agreed. `weak`: twice the
-   printed number, or half of it, would have agreed, too.
+4. `resolution`: how far below and above ours the printed number might have been, and agreed. `weak`: a number a third
+   larger or smaller than the printed one would have agreed, too.
 5. A claim holds, or does not, or is undecided, by the rule and the limit of its row in the table of claims.
 """
 
@@ -104,7 +104,9 @@ def judge_numbers(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     is_open = is_absent | ~np.isfinite(table["low"])
     is_tested = ~is_open & ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
     table["agreement"] = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
-    table["weak"] = np.where((table["agreement"] == "agrees") & (holds(2) | holds(0.5)), "yes", "")
+    table["weak"] = np.where(
+        (table["agreement"] == "agrees") & (holds(2 / 3) | holds(4 / 3)), "yes", ""
+    )
     why = table["known_difference"].replace("", "no explanation known") + "; "
     said = [*map(count_realisations, value, table["numbers"])]
     reason = why.where(table["agreement"] == "differs", "") + table["reason"] + said
@@ -189,6 +191,7 @@ def decide(claim: str, measured: Any, criteria: Criteria = None) -> bool | None:
         "above": (low > limit, low <= limit),
         "at least": (low >= limit, low < limit),
         "rounds to": (abs(low - limit) <= half_digit, abs(low - limit) > half_digit),
+        "rounds to, or a bound": (abs(low - limit) <= half_digit, low > limit + half_digit),
         "p below": (low < limit, high < limit),
         "interval below": (high < limit, low > limit),
         "interval above": (low > limit, high < limit),

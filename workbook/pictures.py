@@ -60,16 +60,26 @@ def describe_axes(figure: "Figure") -> str:
     return "; ".join(dict.fromkeys(panel for panel in panels if panel))
 
 
-def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, first: int = 0) -> None:
+COLOURS = 64  # of an animation
+PICTURE_MS = 100
+
+
+def flipbook(
+    draw: Callable[["Figure", int], None], count: int, words: str, first: int = 0, name: str = ""
+) -> None:
     """Show pictures 0 to count - 1, each drawn on an empty figure by `draw(figure, k)`, with a slider.
 
-    Without scripts a page shows the first one; who does not see them reads `words`.
+    Without scripts a page shows the first one; who does not see them reads `words`. With a name the pictures are
+    written to `figures/NAME.gif`, too; by hand nothing is written.
     """
     from IPython.display import display
     from matplotlib import pyplot as plt
     from matplotlib import rc_context
 
+    from workbook.outcomes import OUTPUT_FOLDER
+
     pictures = []
+    contents = []
     # Axes stand where `draw` puts them: a layout engine would find none of its own, and warn.
     with rc_context(find_style() | {"figure.constrained_layout.use": False}):
         figure = plt.figure(figsize=(7, 3.6), dpi=80)
@@ -78,6 +88,7 @@ def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, firs
             draw(figure, k)
             buffer = io.BytesIO()
             figure.savefig(buffer, format="webp", pil_kwargs={"lossless": True, "method": 2})
+            contents.append(buffer)
             data = base64.b64encode(buffer.getvalue()).decode("ascii")
             pictures.append(f"data:image/webp;base64,{data}")
         figure.clear()
@@ -85,6 +96,8 @@ def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, firs
         png = io.BytesIO()
         figure.savefig(png, format="png")
         plt.close(figure)
+    if name and OUTPUT_FOLDER:
+        write_animation(contents, Path(OUTPUT_FOLDER) / "figures" / f"{name}.gif")
     player = PLAYER.substitute(
         words=words,
         picture=pictures[first],
@@ -94,3 +107,18 @@ def flipbook(draw: Callable[["Figure", int], None], count: int, words: str, firs
     )
     shown = {"text/html": player, "image/png": png.getvalue(), "text/plain": words}
     display(shown, raw=True)
+
+
+def write_animation(pictures: list[io.BytesIO], file: Path) -> None:
+    """Write pictures as a GIF that plays without end, all in one set of colours."""
+    from PIL import Image
+
+    images = [Image.open(picture).convert("RGB") for picture in pictures]
+    width, height = images[0].size
+    together = Image.new("RGB", (width, height * len(images)))
+    for k, image in enumerate(images):
+        together.paste(image, (0, k * height))
+    palette = together.quantize(COLOURS)
+    first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    first.save(file, save_all=True, append_images=others, duration=PICTURE_MS, loop=0)

@@ -117,9 +117,10 @@ def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
 
 
 def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
-    """Claims as a reader reads them: the paper's words, and what we take them to say."""
+    """Claims as a reader reads them: the paper's words, what we take them to say, and what else the table has."""
     readings = claims["reading"].where(claims["reading"] == "", " (" + claims["reading"] + ")")
-    return claims.assign(claim="“" + claims["quote"] + "”" + readings).set_index("id")
+    read = claims.assign(claim="“" + claims["quote"] + "”" + readings).set_index("id")
+    return read.join(read_table("claims").drop(columns=read.columns, errors="ignore"))
 
 
 def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:

@@ -29,8 +29,8 @@ _WRONG = (
     'What can go wrong is told by "cannot tell" and its reason: "not constant speed", strokes or an override that '
     'changes; "no gravity in the torque", a vertical axis, a balanced load, a torque of the wrong sign or motor; "no '
     'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
-    'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, an arm that swings (its '
-    "first swing, at 6 to 15 Hz, usually refuses a wrist's log), a belt, an error of the gear, a torque logged late; "
+    'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, an arm whose own '
+    "resonance, 6 to 15 Hz, shows in the torque (as in most logs of wrists), a belt, an error of the gear, a torque logged late; "
     '"too noisy", "two backlashes fit", too few turns or samples. Often not seen are wrong load data that fit '
     "nevertheless, and an error of the gear that is sampled too slowly: compare the printed stiffness, efficiency and "
     'friction with the data sheet. Without a torque the answer is "no torque", with the paper\'s index A: compare it '
@@ -44,8 +44,8 @@ _TORQUE = (
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "
-    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity; such a log is never told to have no backlash, "
-    "for the load's side hardly shows it."
+    "robots write it: --gear-ratio 1 with --inertia-ratio and --gravity; for such a log the answer "
+    'is never "no backlash".'
 )
 _COLUMNS = (
     "By name, or by number in the file, from 1; else the motor's measured ones are found by name, and what may be two "

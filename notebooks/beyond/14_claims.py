@@ -223,7 +223,7 @@ workbook.show_figure(
     draw_margins(measured, decisions, criteria),
     f"{decided}. Drawn is what was measured over the limit that decides it, turned "
     "so that a sentence holds below 1. A line is an interval; one across 1 decides "
-    "nothing. Beyond the frame is drawn at the frame.",
+    "nothing. An arrow leads beyond the frame.",
 )
 
 # %% [markdown]
@@ -235,7 +235,7 @@ workbook.verdict(
     f"{decided}. Friction of {100 * largest['friction']:.2g} % of gravity changes "
     f"$A$ by {largest['change_percent']:+.0f} %.",
     claims=claims,
-    facts={"hardware": hardware.count_refusals(workbook.read_kept("hardware"))},
+    facts={"hardware": hardware.describe_answers(workbook.read_kept("hardware"))},
     criteria=criteria,
 )
 

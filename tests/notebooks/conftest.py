@@ -31,7 +31,7 @@ class Running:
             "say_times": lambda name: None,
             "show": lambda figure, text: self.said.append(text) or plt.close(figure),
             "show_figure": lambda name, figure, text: self.said.append(text) or plt.close(figure),
-            "flipbook": lambda *drawn: None,
+            "flipbook": lambda *drawn, **options: None,
             "try_changing": lambda *changes: self.promises.extend(changes),
         }
         for function, replacement in instead.items():

@@ -35,6 +35,7 @@ def test_the_tables_have_as_many_cells_as_the_paper_prints():
 
 def plain(text):
     """A sentence, a formula or a row of a table without TeX, brackets and spaces."""
+    text = re.sub(r"\n\n(?=[a-z])", " ", text)  # a sentence that goes on in the next column
     text = re.sub(r"\\frac\{(.+?)\}\{(.+?)\}", r"\1/\2", text.replace("v(t)", "v"))
     text = re.sub(r"\\cdot|\\text|no backlash|[\\$ ()]", "", text.replace("π", "pi"))
     return re.sub("[{}]", "", re.sub(r"(×|times)10\^\{-", "e-", text))

@@ -197,70 +197,84 @@ def test_rejections_are_counted_of_the_tests_that_could_reject(multiverse):
     assert evidence.count_rejections(few, "per row", "means")[:2] == (8, 2)
 
 
-def test_the_sds_of_row_10_below_a_printed_one_are_counted_with_and_without_a_drawn_start(
-    kept, multiverse
-):
-    described = evidence.describe_multiverse(kept, multiverse)
-    of_row = kept[kept["row"] == 10].set_index("protocol")["sd_A_rps"]
-    whole, drawn = (of_row[[each.protocol for each in of]] for of in (SETTINGS, DRAWN_STARTS))
-    assert described["row10_smallest"] == whole.min()
-    assert described["row10_below"] == (whole > 0.0194).sum()
-    assert described["row10_drawn"] == len(drawn)
-    assert described["row10_drawn_lower"] == (drawn < 0.0194).sum() > 0
-
-
-def test_what_decides_is_what_changes_whether_a_test_rejects(multiverse):
-    scores = [*SCORES_OF_SDS]
-    none = set_p(multiverse, WHOLE, 0.5, scores)
-    assert evidence.find_what_decides(none, WHOLE, "SDs") == []
-    by_score = set_p(none, WHOLE, 0.01, ["ranks"])
-    assert evidence.find_what_decides(by_score, WHOLE, "SDs") == ["score"]
-    one = (none["settings"] == NOTEBOOK.name) & (none["start"] == WHOLE)
-    by_setting = none.assign(p=none["p"].mask(one, 0.01))
-    assert evidence.find_what_decides(by_setting, WHOLE, "SDs") == ["setting"]
-
-
-def test_what_the_report_says_of_a_start_is_what_another_way_of_counting_gives(kept, multiverse):
-    described = evidence.describe_multiverse(kept, multiverse)
-    assert [*described["starts"]] == [*multiverse["start"].unique()]
+def test_starts_are_compared_by_one_measure_under_the_settings_that_all_have(kept, monkeypatch):
+    compared = evidence.compare_starts(kept)
+    theoretical = dict(enumerate(published.column("Table 2", "theoretical"), 1))
     printed = evidence.printed_table()
-    true = published.column("Table 2", "theoretical")
-    for start, said in described["starts"].items():
-        tests = multiverse[multiverse["start"] == start]
-        assert said.settings == tests["settings"].nunique() - 1
-        assert said.tables == tests["tables"].max()
-        inside = tests[tests["score"] == "in interval"].dropna(subset="inside")
-        assert said.inside == inside.loc[inside["numbers"] == "means", "inside"].tolist()
-        assert said.sds_inside == inside.loc[inside["numbers"] == "SDs", "inside"].tolist()
-        counted = (said.means, said.sds, said.sds_without_row_10)
-        for name, count in zip(("means", "SDs", "SDs of rows 1 to 9"), counted, strict=True):
-            p = tests.loc[(tests["numbers"] == name) & (tests["least_p"] < 0.05), "p"]
-            assert count == (len(p), sum(p < 0.05), min(p), max(p))
-        scored = tests[tests["numbers"].isin(["means", "SDs"]) & (tests["score"] != "in interval")]
-        p = scored.query("least_p < 0.05").groupby(["numbers", "score"])["p"].max()
-        assert said.excluding == sum(p < 0.05)
-        assert said.scores == 7
-        assert said.excluded_by == evidence.name_exclusions(multiverse, start, 0.05)
-        protocols = [e.protocol for e in (*SETTINGS, *DRAWN_STARTS) if e.start == start]
+    names = {each.name for each in DRAWN_STARTS}
+    for start, row in compared.iterrows():
+        same = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
+        protocols = [each.protocol for each in same if each.name in names]
         ours = kept[kept["protocol"].isin(protocols) & (kept["row"] <= 10)]
-        medians = ours.groupby("row")["mean_A_rps"].median().to_numpy() / true[:10]
-        assert said.above == sum(printed.ratios[:, 0] > medians)
-        ratio = ours["mean_A_rps"] / true[ours["row"] - 1]
-        means = ratio.groupby([ours["protocol"], ours["realisation"]]).mean()
-        assert said.reaching == sum(means >= printed.ratios.mean())
-        if start == WHOLE:
-            assert described["bias"] == pytest.approx(100 * (means.median() - 1))
+        ratio = ours["mean_A_rps"] / ours["row"].map(theoretical)
+        off = 100 * ratio.groupby([ours["protocol"], ours["realisation"]]).mean() - 100
+        assert (row["settings"], row["tables"]) == (2, len(off))
+        assert row["deviation_percent"] == pytest.approx(off.mean())
+        ends = off.groupby(level=0).mean()
+        assert row["smallest_percent"] == pytest.approx(ends.min())
+        assert row["largest_percent"] == pytest.approx(ends.max())
+        assert row["reaching"] == (off >= 100 * printed.ratios.mean() - 100).sum()
+    higher = evidence.Tables(2 * printed.ratios, printed.sds / 100)
+    monkeypatch.setattr(evidence, "printed_table", lambda: higher)
+    moved = evidence.compare_starts(kept)
+    assert moved["reaching"].tolist() == [0, 0, 0, 0]
+    assert moved["means_inside"].tolist() == [0, 0, 0, 0]
 
 
-def test_what_the_report_says_of_all_tests_is_what_another_way_of_counting_gives(kept, multiverse):
+def test_what_the_report_says_of_the_whole_record_is_counted(kept, multiverse):
     described = evidence.describe_multiverse(kept, multiverse)
-    together = multiverse.query("start == @WHOLE and settings == 'together'").dropna(subset="p")
-    assert described["p"].keys() >= {"SDs", "SDs of rows 1 to 9"}
-    for test in together.itertuples():
-        assert described["p"][test.numbers][test.score] == test.p
-    assert described["least_p"] == together["least_p"].min()
-    assert described["scores"] == multiverse.query("numbers == 'means'")["score"].nunique() - 1
-    assert described["false_alarms"] == 100 * multiverse["false_alarms"].mean()
-    assert described["most_false_alarms"] == 100 * multiverse["false_alarms"].max()
-    true, mean = (published.column("Table 2", name)[:10] for name in ("theoretical", "mean"))
-    assert described["printed_bias"] == pytest.approx(100 * np.mean(mean / true - 1))
+    whole = described["whole"]
+    of_row = kept[(kept["row"] == 10) & kept["protocol"].isin([each.protocol for each in SETTINGS])]
+    assert (whole["tables"], whole["settings"]) == (len(of_row), len(SETTINGS))
+    assert whole["row10_smallest_rps"] == of_row["sd_A_rps"].min()
+    assert whole["row10_below"] == (of_row["sd_A_rps"] > 0.0194).sum()
+    sds = evidence.count_rejections(multiverse, WHOLE, "SDs")
+    assert whole["sds_rejected"] == sds.rejected / sds.tests
+    assert described["rejections"][WHOLE]["SDs"] == f"{sds.rejected} of {sds.tests} tests"
+    kept_p = multiverse.set_index(["start", "settings", "numbers", "score"])["p"]
+    ranks = kept_p[WHOLE, evidence.TOGETHER, "SDs", "ranks"]
+    assert described["p_of_sds"]["SDs"]["ranks"] == f"{ranks:.2g}"
+
+
+@pytest.mark.parametrize(
+    ("counted", "words"),
+    [
+        (evidence.Rejections(36, 0, 0.1, 0.9), "none of 36 tests"),
+        (evidence.Rejections(9, 9, 0.0, 0.01), "all 9 tests"),
+        (evidence.Rejections(9, 4, 0.0, 0.5), "4 of 9 tests"),
+        (evidence.Rejections(0, 0, np.nan, np.nan), "too few tables to test"),
+    ],
+)
+def test_rejections_are_said_as_they_were_counted(counted, words):
+    assert evidence.write_rejections(counted) == words
+
+
+def test_a_p_is_said_with_what_it_can_be_at_least():
+    said = [evidence.write_p(0.437), evidence.write_p(0.0004), evidence.write_p(0.0031, 0.0031)]
+    assert said == ["0.44", "below 0.001", "at most 0.0031"]
+
+
+def test_intervals_are_described_by_what_lies_inside_and_by_how_wide_they_are():
+    rows = pd.DataFrame(
+        {
+            "mean": [1.0, 2.0],
+            "mean_ours": [1.0, 2.0],
+            "mean_low": [0.9, 2.1],
+            "mean_high": [1.2, 2.5],
+            "sd": [0.1, 0.1],
+            "sd_ours": [0.2, 0.2],
+            "sd_low": [0.2, 0.3],
+            "sd_high": [1.0, 0.9],
+        },
+        index=[4, 7],
+    )
+    described = evidence.describe_intervals(rows)
+    assert described["means"] == {
+        "all": 2,
+        "agree": 1,
+        "differ": [7],
+        "width_percent": pytest.approx([20, 30]),
+        "factor": pytest.approx([4 / 3, 4 / 3]),
+    }
+    assert described["sds"]["differ"] == [4, 7]
+    assert described["sds"]["factor"] == []

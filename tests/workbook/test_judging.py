@@ -24,7 +24,7 @@ EXPORTED = {
 TESTED = [*CELLS.index[~CELLS["source"].isin(judging.NOT_TESTED)]]
 DERIVED_CELLS = [*CELLS.index[CELLS["source"] == "the paper's own numbers"]]
 # Tested only in the sense that the printed bound could be too low: it has no upper end.
-BOUNDS = {"text.error_limit_percent", "text.error_rad_small"}
+BOUNDS = {*CELLS.index[CELLS["kind"] == "bound"]}
 
 
 def derived_numbers():

@@ -1,0 +1,254 @@
+"""Why Table 2's means are not made again where the search begins at a sample that is drawn for each row.
+
+The sentence: with such a start our means of A are too small because the search misses the best minimum, not because of
+the start. Criteria, fixed on 2026-11-29 before a result with these seeds was seen; deviations are of A from the
+theoretical one, on average over ten rows.
+
+- Refuted if the best minima with drawn starts lie more than 2 points below those with the whole record (over the
+  authors' five noises), or if fits that end in the best minimum (over all searches) lie more than 2 points below the
+  best minima of the same records.
+- Supported if neither, and a search with restarts, which finds the best minimum more often, leaves at most half of a
+  single search's distance between the means and the best minima. Else it is undecided.
+- "Restarts (a larger population) do not make the means again" is refuted if the mean deviation of one of their ten
+  tables is the printed one or higher. Ten tables that are all lower leave 0 to 26 % (95 %).
+
+A best minimum is that of `best_fit`, or of a run where that is lower. Restarts: a fit is the lowest in RMSE of five
+searches, which spend what one of a fivefold population does. All searches on a row have the same noise and start.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from joblib import Parallel, delayed
+from pandas import DataFrame
+
+from replication import published
+from replication.best_fit import best_fit
+from replication.records import (
+    LOW_NOISE,
+    Recording,
+    add_noise,
+    load_clean,
+    load_noisy,
+    simulate_clean,
+)
+from replication.table2 import (
+    BASIN_GAP,
+    LEVELS,
+    NOTEBOOK,
+    ROWS,
+    RPM_600,
+    RUNS,
+    WHOLE,
+    Fit,
+    SearchSettings,
+    fit,
+)
+from studies.claims import span
+from studies.realisations import FIRST_SAMPLES, from_sample
+
+SEED = 20261129
+TABLES = 10
+SEARCHES = 5  # of which restarts keep the best
+AUTHORS, OWN = "authors'", "own"  # noises
+SINGLE, RESTARTS = "one search", "best of five searches"
+LARGER = (1000, 3000)  # populations
+
+
+def draw_row(noise: str, start: str, table: int, row: int) -> tuple[Recording, int, np.ndarray]:
+    """A row's record from its start on, that start [samples], and seeds of shape (thirty, five) for its searches."""
+    level = LEVELS[row - 1]
+    rng = np.random.default_rng((SEED, *noise.encode(), table, row))
+    if noise == AUTHORS:
+        record = load_noisy(level, table)
+    else:
+        clean = simulate_clean(level) if row == 1 else load_clean(level)
+        record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+    drawn = int(rng.integers(FIRST_SAMPLES))
+    first_sample = 0 if start == WHOLE else drawn
+    return (
+        from_sample(record, first_sample),
+        first_sample,
+        rng.integers(1, 2**31, (RUNS, SEARCHES)),
+    )
+
+
+def search_row(
+    record: Recording, settings: SearchSettings, seeds: np.ndarray, others: bool
+) -> dict[str, list[Fit]]:
+    """Thirty fits by one search each, and if asked for by the others, by the name of the search."""
+    if not others:
+        return {SINGLE: [fit(record, settings, int(seed)) for seed in seeds[:, 0]]}
+    searches = [[fit(record, settings, int(seed)) for seed in of_run] for of_run in seeds]
+    fits = {
+        SINGLE: [of_run[0] for of_run in searches],
+        RESTARTS: [min(of_run, key=lambda each: each.rmse) for of_run in searches],
+    }
+    for population in LARGER:
+        larger = replace(settings, population=population)
+        fits[f"population {population}"] = [fit(record, larger, int(seed)) for seed in seeds[:, 0]]
+    return fits
+
+
+def measure_row(noise: str, settings: str, start: str, table: int, row: int) -> list[dict]:
+    """What the searches find on one row: a row of the kept table for each."""
+    search_settings = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
+    record, first_sample, seeds = draw_row(noise, start, table, row)
+    fits = search_row(record, search_settings, seeds, others=noise == OWN)
+    best = best_fit(record, search_settings)
+    lowest = min((each for part in fits.values() for each in part), key=lambda each: each.rmse)
+    if lowest.rmse * (1 + BASIN_GAP) < best.rmse:
+        best = lowest
+    rows = []
+    for search, part in fits.items():
+        A = np.array([each.amplitude_rps for each in part])
+        in_best = np.array([each.rmse for each in part]) <= best.rmse * (1 + BASIN_GAP)
+        rows.append(
+            {
+                "noise": noise,
+                "settings": settings,
+                "start": start,
+                "search": search,
+                "table": table,
+                "row": row,
+                "first_sample": first_sample,
+                "best_A_rps": best.amplitude_rps,
+                "mean_A_rps": A.mean(),
+                "sd_A_rps": A.std(ddof=1),
+                "best_share": in_best.mean(),
+                "mean_A_in_best_rps": A[in_best].mean() if in_best.any() else np.nan,
+            }
+        )
+    return rows
+
+
+def planned_rows() -> list[tuple[str, str, str, int, int]]:
+    """Noise, settings, start, table and row of all that is measured: the authors' noises first."""
+    authors = [
+        (AUTHORS, settings.name, start, R, row)
+        for settings in (NOTEBOOK, RPM_600)
+        for R in LOW_NOISE
+        for start in (WHOLE, "per row")
+        for row in ROWS
+    ]
+    own = [
+        (OWN, RPM_600.name, "per row", table, row) for table in range(1, TABLES + 1) for row in ROWS
+    ]
+    return authors + own
+
+
+def measure_rows(plan: Sequence[tuple[str, str, str, int, int]]) -> Iterator[DataFrame]:
+    """The kept table as it grows, ten rows of the plan at a time."""
+    rows: list[dict] = []
+    for first in range(0, len(plan), len(ROWS)):
+        part = plan[first : first + len(ROWS)]
+        measured = Parallel(n_jobs=-1)(delayed(measure_row)(*each) for each in part)
+        rows += [row for of_row in measured for row in of_row]
+        yield DataFrame(rows)
+
+
+# ------------------------------------------------------------------------------------------------ what it says
+
+OF_SEARCH = ["noise", "settings", "start", "search"]
+
+
+def summarise(rows: DataFrame) -> DataFrame:
+    """Condense the kept table into a row for each noise, settings, start and search.
+
+    Columns: `tables`; deviations from the theoretical A [%], on average over a table's rows and over tables: of the
+    best minima (`best_percent`), of the means (`mean_percent`; `lowest_percent` and `highest_percent` of one table) and
+    of fits in the best minimum (`in_best_percent`, with that of their best minima, `their_best_percent`); `best_share`,
+    the share of fits in the best minimum; `reaching`, in how many tables the means deviate as the printed ones or less.
+    """
+    theoretical = published.column("Table 2", "theoretical")[rows["row"] - 1]
+    in_best = rows["mean_A_in_best_rps"].notna()
+    measured = rows[[*OF_SEARCH, "table", "best_share"]].assign(
+        best_percent=100 * (rows["best_A_rps"] / theoretical - 1),
+        mean_percent=100 * (rows["mean_A_rps"] / theoretical - 1),
+        in_best_percent=100 * (rows["mean_A_in_best_rps"] / theoretical - 1),
+        their_best_percent=100 * (rows["best_A_rps"] / theoretical - 1).where(in_best),
+    )
+    of_tables = measured.groupby([*OF_SEARCH, "table"], sort=False).mean().reset_index("table")
+    groups = of_tables.groupby(OF_SEARCH, sort=False)
+    condensed = groups.mean().drop(columns="table")
+    condensed.insert(0, "tables", groups.size())
+    condensed["lowest_percent"] = groups["mean_percent"].min()
+    condensed["highest_percent"] = groups["mean_percent"].max()
+    reaching = of_tables["mean_percent"] >= printed_deviation_percent()
+    condensed["reaching"] = reaching.groupby(OF_SEARCH, sort=False).sum()
+    return condensed.reset_index()
+
+
+def printed_deviation_percent() -> float:
+    """Mean deviation of Table 2's ten printed means from the theoretical A [%]."""
+    mean, theoretical = (
+        published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "theoretical")
+    )
+    return 100 * float(np.mean(mean / theoretical - 1))
+
+
+MOST_POINTS = 2.0  # see the criteria above
+
+
+class Verdict(NamedTuple):
+    """What the criteria above say of the sentence on the search, and of restarts and larger populations."""
+
+    search_misses: bool | None  # None: undecided
+    more_search_reaches: bool  # a table of them has the printed mean deviation or a higher one
+
+
+def decide(summary: DataFrame) -> Verdict:
+    """Hold `summarise` against the criteria."""
+    authors = summary[summary["noise"] == AUTHORS].pivot(index="settings", columns="start")
+    own = summary[summary["noise"] == OWN].set_index("search")
+    costs = authors["best_percent", WHOLE] - authors["best_percent", "per row"]
+    low = summary["their_best_percent"] - summary["in_best_percent"]
+    distance = own["best_percent"] - own["mean_percent"]
+    refuted = bool((costs > MOST_POINTS).any() or (low > MOST_POINTS).any())
+    supported = distance[RESTARTS] <= distance[SINGLE] / 2
+    more = own.drop(index=SINGLE)
+    return Verdict(
+        False if refuted else True if supported else None, bool((more["reaching"] > 0).any())
+    )
+
+
+def describe(summary: DataFrame) -> dict[str, Any]:
+    """What the report says of drawn starts, from `summarise`.
+
+    Deviations of the best minima [%] on the authors' noises, and shares of fits that end there, by start, each with its
+    ends over the settings; the searches on our own tables; and the verdicts.
+    """
+    authors = summary[summary["noise"] == AUTHORS].groupby("start")
+    own = summary[summary["noise"] == OWN]
+    ends = authors[["best_percent", "best_share"]].agg(["min", "max"])
+    columns = ["search", "tables", "mean_percent", "best_share", "reaching"]
+    return {
+        "best_percent": authors["best_percent"].mean().to_dict(),
+        "best_share": {start: ends.loc[start, "best_share"].tolist() for start in ends.index},
+        "own": own[columns].to_dict("records"),
+        **decide(summary)._asdict(),
+    }
+
+
+def write_answer(numbers: dict[str, Any]) -> str:
+    """Write what `describe` gives as sentences."""
+    best, share = numbers["best_percent"], numbers["best_share"]
+    whole, drawn = (span(100 * np.array(share[start]), ".0f") for start in (WHOLE, "per row"))
+    own = {each["search"]: each for each in numbers["own"]}
+    low = {search: f"{-each['mean_percent']:.1f} %" for search, each in own.items()}
+    why = {
+        True: "So it is the search that fails, and not the start.",
+        False: "So the search alone does not explain it.",
+        None: "Whether the search or the start fails is undecided.",
+    }[numbers["search_misses"]]
+    restarts = own[RESTARTS]
+    return (
+        f"On the authors' five noises the best minimum lies {-best[WHOLE]:.1f} % below the theoretical A with the "
+        f"whole record, and {-best['per row']:.1f} % with a start drawn for each row. A search ends there in {whole} % "
+        f"of fits, with a drawn start in {drawn} %. {why} With the {RESTARTS} {restarts['tables']} tables with drawn "
+        f"starts lie {low[RESTARTS]} below, with one search {low[SINGLE]}; of the former {restarts['reaching']} come "
+        "as near as the printed one. What we exclude is a start drawn for each row *with one such search*; of restarts "
+        "so few tables cannot say so."
+    )
