@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from backlash import estimates
+from backlash.answer import Estimate
 from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
