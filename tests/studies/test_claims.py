@@ -23,19 +23,6 @@ def verdicts(measured):
     return {claim: holds for claim, (holds, _) in decide_all(claims.write_all(measured)).items()}
 
 
-@pytest.fixture
-def print_number(monkeypatch):
-    """Print another number in a cell."""
-
-    def give(cell, value):
-        printed = published.cells()
-        printed.loc[cell, "value"] = value
-        elements = {None: printed} | dict([*printed.groupby("element", sort=False)])
-        monkeypatch.setattr(published, "cells", lambda element=None: elements[element])
-
-    return give
-
-
 # ---------------------------------------------------------------------------------------------- the words
 
 

@@ -74,21 +74,6 @@ def scaled(numbers, factor):
     return {name: [factor * x for x in of] for name, of in numbers.items()}
 
 
-@pytest.fixture
-def print_number(monkeypatch):
-    """Print another number in a cell."""
-    original = published.cells()
-
-    def give(cell, value):
-        printed = original.copy()
-        printed.loc[cell, "value"] = value
-        elements = {None: printed} | dict([*printed.groupby("element", sort=False)])
-        monkeypatch.setattr(published, "cells", lambda element=None: elements[element])
-        monkeypatch.setattr(judging, "read_table", lambda name: printed)
-
-    return give
-
-
 # ------------------------------------------------------------------------------------------------ the rule
 
 
@@ -144,13 +129,14 @@ def test_a_stand_in_s_number_that_is_missing_is_refused_too(monkeypatch):
 
 
 @pytest.mark.parametrize("cell", TESTED)
-def test_another_printed_number_changes_the_verdict(cell, print_number):
+def test_another_printed_number_changes_the_verdict(cell, print_number, monkeypatch):
     """The printed number is put beyond either end of the interval; what follows from it is computed again."""
     low, high = judged(cell, EXPORTED[cell])[["low", "high"]]
     margin = 0.1 * ((high if math.isfinite(high) else 2 * low) - low) + 1e-4 * abs(low)
     ends = [low - margin] if cell in BOUNDS else [low - margin, high + margin]
     for printed in ends:
-        print_number(cell, printed)
+        table = print_number(cell, printed)
+        monkeypatch.setattr(judging, "read_table", lambda name, table=table: table)
         numbers = derived_numbers()[cell] if cell in DERIVED_CELLS else EXPORTED[cell]
         assert agreement(cell, numbers) == "differs"
 
