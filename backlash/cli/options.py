@@ -30,7 +30,8 @@ _WRONG = (
     'changes; "no gravity in the torque", a vertical axis, a balanced load, a torque of the wrong sign or motor; "no '
     'load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
     'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, an arm whose own '
-    "resonance, 6 to 15 Hz, shows in the torque (as in most logs of wrists), a belt, an error of the gear, a torque logged late; "
+    "resonance, 6 to 15 Hz, shows in the torque (as in most logs of wrists), a belt, an error of the gear, a torque "
+    "logged late; "
     '"too noisy", "two backlashes fit", too few turns or samples. Often not seen are wrong load data that fit '
     "nevertheless, and an error of the gear that is sampled too slowly: compare the printed stiffness, efficiency and "
     'friction with the data sheet. Without a torque the answer is "no torque", with the paper\'s index A: compare it '
