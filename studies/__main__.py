@@ -80,6 +80,13 @@ def write_realisations() -> None:
     make_realisations()
 
 
+def write_refusals() -> None:
+    """What each rule of reading refuses of sound logs and of faulty ones, into results/refusals.csv."""
+    from studies import refusals
+
+    write_kept(RESULTS / "refusals.csv", refusals.measure_all())
+
+
 STUDIES = {
     "claims": write_claims,
     "datasheet": write_datasheet,
@@ -88,6 +95,7 @@ STUDIES = {
     "identify-joint": write_joint,
     "prediction": write_prediction,
     "realisations": write_realisations,
+    "refusals": write_refusals,
 }
 
 
