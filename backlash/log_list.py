@@ -141,7 +141,7 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
         A cell is not what its column holds.
     """
     if not pd.isna(beyond := row.get(BEYOND)):
-        raise Refusal(f"{beyond[:40]!r} stands beyond the header's columns; a decimal comma?")
+        raise Refusal(f"{str(beyond)[:40]!r} stands beyond the header's columns; a decimal comma?")
     if not (row.get("is_dated", True) or pd.isna(row["date"])):
         raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
     return {

@@ -88,6 +88,13 @@ def write_starts() -> None:
         write_kept(RESULTS / "table2_starts.csv", table)
 
 
+def write_refusals() -> None:
+    """What each rule of reading refuses of sound logs and of faulty ones, into results/refusals.csv."""
+    from studies import refusals
+
+    write_kept(RESULTS / "refusals.csv", refusals.measure_all())
+
+
 STUDIES = {
     "claims": write_claims,
     "datasheet": write_datasheet,
@@ -97,6 +104,7 @@ STUDIES = {
     "prediction": write_prediction,
     "realisations": write_realisations,
     "starts": write_starts,
+    "refusals": write_refusals,
 }
 
 

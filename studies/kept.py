@@ -72,6 +72,14 @@ def remake_population(row: Row) -> Row:
     return datasheet.summarise(datasheet.measure_all([row["population"]])).iloc[0].to_dict()
 
 
+def remake_rule(row: Row) -> Row:
+    """What a rule of reading refuses."""
+    from studies import refusals
+
+    table = refusals.measure_all()
+    return table[table["rule"] == row["rule"]].iloc[0].to_dict()
+
+
 def remake_noise_error(row: Row) -> Row:
     """The error of one fit of some turns of a noisy record."""
     from studies import experiments
@@ -104,6 +112,7 @@ KEPT = {
     "alpha_refit": Kept("make studies NAME=claims", remake_alpha),
     "datasheet": Kept("make studies NAME=datasheet", remake_population, -1),
     "hardware": Kept("make studies NAME=hardware", remake_hardware),
+    "refusals": Kept("make studies NAME=refusals", remake_rule),
     "engine": Kept("make studies NAME=engine", remake_engine_log, 3),
 }
 # Seconds: of a day and a machine, which the tables name.

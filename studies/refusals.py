@@ -35,7 +35,7 @@ Damage: TypeAlias = Callable[[DataFrame, Generator], DataFrame]
 
 
 def run_from_rest(rng: Generator) -> tuple[DataFrame, LogOptions, int]:
-    """Time, speed [rps], position [turns] and torque each 0.5 ms of a joint at rest, then turning; where it is settled."""
+    """A joint at rest, then turning, each 0.5 ms: speed [rps], position [turns], torque; and where it is settled."""
     while True:
         speed = TURN / draw_log_uniform(rng, 0.5, 2.5)
         gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))

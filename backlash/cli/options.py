@@ -21,9 +21,9 @@ _STATUS = (
 )
 _EXAMPLE = (
     "A log has columns of time, of the motor's speed or position, and of its torque or current, 250 samples a second "
-    f"or more. Try it: backlash example; backlash estimate example.csv {EXAMPLE_OPTIONS} . The answer is one of three: a backlash in mrad at the joint, of which the whole "
-    "play is twice as much, with its 95 % interval; no backlash, with the value that it is less than; or why it cannot "
-    "tell."
+    f"or more. Try it: backlash example; backlash estimate example.csv {EXAMPLE_OPTIONS} . The answer is one of "
+    "three: a backlash in mrad at the joint, of which the whole play is twice as much, with its 95 % interval; no "
+    "backlash, with the value that it is less than; or why it cannot tell."
 )
 _WRONG = (
     'What can go wrong is told by "cannot tell" and its reason: "not constant speed", strokes or an override that '

@@ -188,7 +188,7 @@ def between_gaps(samples: Samples) -> Samples:
 
 
 def differentiate_position(samples: Samples) -> Samples:
-    """Speed of a position, the torque's mean between the same two samples, by its integral, and the torque as logged."""
+    """Speed of a position; the torque's mean between the same two samples, by its integral; the torque as logged."""
     if not samples.columns.is_position:
         return samples
     t, (turns, *torque) = samples.t, samples.signals

@@ -139,7 +139,9 @@ def _is_not_held(signal: FloatArray) -> Mask:
     is_new = np.ones(signal.size, dtype=bool)
     if usual.size < LIMITS.least_samples or values.size < 2:
         return is_new
-    is_coarse = np.median(np.abs(np.diff(values))) < LIMITS.least_leap * finest_step(signal)
+    # A coarse signal stands where it turns slowly, and goes there by one step.
+    steps = np.abs(np.diff(values))[lengths[1:] > 1]
+    is_coarse = np.sum(steps < LIMITS.least_leap * finest_step(signal)) > 0.5 * steps.size
     # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
     commonest = np.bincount(usual).argmax()
     is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
