@@ -10,6 +10,7 @@ from backlash.refusals import Reason, Refusal, one_line
 from replication.signature import FloatArray
 
 TORQUE, AMPLITUDE = "torque", "amplitude"
+TORQUE_SIGNAL = "torque [log's unit]"
 BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
 
 
@@ -42,6 +43,9 @@ class Estimate:
     joint: dict[str, tuple[float, float]] | None = None
     turn_period_s: float | None = None  # of the load
     speed_rps: float | None = None  # of the signal's side, in the mean
+    strokes: str = (
+        ""  # which, where the joint moves to and fro: the backlash is that at the hanging position
+    )
     samples: int = 0  # of the record that was used
     arm_m: float | None = None  # at which the play is wanted, too
     columns: str = ""  # that were read, with their units
@@ -87,11 +91,12 @@ class Estimate:
             lines += [f"  {line}" for line in describe_joint(self.joint)]
         if self.columns:
             lines.append(f"  columns: {one_line(self.columns)}")
+        movement = self.strokes
         if self.turn_period_s:
+            movement = f"turn of {self.turn_period_s:.5g} s"
+        if movement:
             fit = "" if self.chi_squared is None else f", chi squared {self.chi_squared:.2f}"
-            lines.append(
-                f"  method {self.method}, {self.samples} samples, turn of {self.turn_period_s:.5g} s{fit}"
-            )
+            lines.append(f"  method {self.method}, {self.samples} samples, {movement}{fit}")
         return "\n".join([*lines, *(f"  note: {one_line(note)}" for note in self.notes)])
 
     @property
@@ -100,12 +105,13 @@ class Estimate:
         if self.backlash_rad is None or self.backlash_interval_rad is None:
             return f"{CANNOT_TELL}: {self.reason}: {self.explanation}"
         low, high = (1e3 * end for end in self.backlash_interval_rad)
+        place = " at the hanging position" if self.strokes else ""
         if self.verdict == NONE:
-            return f"no backlash (less than {high:.3f} mrad, half of the play)"
+            return f"no backlash{place} (less than {high:.3f} mrad, half of the play)"
         whole = 2 * self.backlash_rad
         at_arm = f", {1e3 * whole * self.arm_m:.3g} mm at {self.arm_m:g} m" if self.arm_m else ""
         return (
-            f"backlash {1e3 * self.backlash_rad:.3f} mrad, half of the play (95 %: {low:.3f} to {high:.3f}); "
+            f"backlash {1e3 * self.backlash_rad:.3f} mrad{place}, half of the play (95 %: {low:.3f} to {high:.3f}); "
             f"the whole play {1e3 * whole:.3g} mrad, {60 * np.degrees(whole):.3g} arcmin{at_arm}"
         )
 

@@ -108,12 +108,13 @@ def examine(
 
 def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
     """The answer with what was read."""
+    recording, is_stroke = log.recording, turns.is_to_and_fro(log.recording.v)
     return replace(
         answer,
         sha256=log.sha256,
-        samples=log.recording.t.size,
-        turn_period_s=log.recording.turn_period_s,
-        speed_rps=float(log.recording.v.mean()),
+        samples=recording.t.size,
+        turn_period_s=None if is_stroke else recording.turn_period_s,
+        speed_rps=recording.commanded_speed_rps if is_stroke else float(recording.v.mean()),
         columns=str(log.columns),
         notes=(*log.notes, *([str(request.load)] if request.load else [])),
     )
@@ -145,7 +146,7 @@ def refused(log: object, why: str) -> Estimate:
 def _with_own_period(log: Log) -> Log:
     """The log with the period that its turns have; of a torque gravity's, which no other line may dominate."""
     recording, options, given = log.recording, log.options, log.recording.turn_period_s
-    if options.trust_period:
+    if options.trust_period or turns.is_to_and_fro(recording.v):
         return log
     if log.torque is None:
         period = turns.period_by_energy(recording, recording.v)
@@ -170,7 +171,8 @@ def _with_own_period(log: Log) -> Log:
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
     assert log.torque is not None  # without one no load is asked for
-    refuse_averaged(log.recording, log.signals[-1])  # of a position the torque as it was logged
+    if not turns.is_to_and_fro(log.recording.v):
+        refuse_averaged(log.recording, log.signals[-1])  # of a position the torque as it was logged
     try:
         fit = fit_torque(log.recording, log.torque, load)
     except Refusal as refusal:
@@ -196,7 +198,8 @@ def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
         chi_squared=fit.chi_squared,
         joint=fit.joint,
         notes=notes,
-        trace=Trace(log.recording.t, log.torque, fit.model_torque, "torque [log's unit]"),
+        strokes=fit.strokes,
+        trace=fit.trace,
     )
 
 

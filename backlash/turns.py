@@ -45,6 +45,11 @@ class Harmonics(NamedTuple):
     sd: FloatArray  # of the noise in the real and in the imaginary part
 
 
+def is_to_and_fro(speed: FloatArray) -> bool:
+    """Whether a motor moves one way and the other, rather than round."""
+    return bool(-2 * speed.min() > speed.max() > -0.5 * speed.min())
+
+
 def settled_turns(recording: Recording, signal: FloatArray) -> FloatArray:
     """Whole turns up to the record's end, without half a turn or more, in which a drive settles; (turns, phases).
 

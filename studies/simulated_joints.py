@@ -261,6 +261,42 @@ def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
     return np.convolve(padded, np.full(periods, 1 / periods), "valid")
 
 
+def stroke_speeds(
+    speed: float, ends_rad: tuple[float, float], strokes: int, ramp_s: float, rest_s: float
+) -> FloatArray:
+    """Speed of each control period of strokes between two ends, from the first one, each with ramps and a rest."""
+    ramp = np.arange(0.5, ramp_s / CONTROL_S) * CONTROL_S / ramp_s
+    flat = np.ones(round((abs(ends_rad[1] - ends_rad[0]) / speed - ramp_s) / CONTROL_S))
+    rest = np.zeros(round(rest_s / CONTROL_S))
+    stroke = math.copysign(speed, ends_rad[1] - ends_rad[0]) * np.r_[ramp, flat, ramp[::-1], rest]
+    return np.concatenate([rest, *(stroke * (-1) ** k for k in range(strokes))])
+
+
+def draw_strokes(
+    rng: Generator,
+    delta_rad: float,
+    friction: float = 0.03,
+    loss: float = 0.0,
+    fault: Fault = Fault(),  # noqa: B008
+) -> JointLog:
+    """Draw a log of 8 to 12 strokes through the hanging position with noise, as a drive logs them."""
+    while True:
+        speed = rng.uniform(1.0, 2.0)
+        gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss)
+        ends = np.radians([-1, 1] * rng.uniform(60, 90, 2)) * rng.choice([-1, 1])
+        timing = rng.uniform(0.15, 0.4), rng.uniform(0.1, 0.5)
+        wanted = stroke_speeds(speed, tuple(ends), int(rng.integers(8, 13)), *timing)
+        seen = follow_path(joint, fault, float(ends[0]), wanted)
+        settled = np.convolve(np.abs(wanted) == speed, np.ones(round(0.2 / CONTROL_S)))[
+            : wanted.size
+        ]
+        is_flat = settled > 0.2 / CONTROL_S - 1
+        if np.abs(seen[is_flat, 0] / wanted[is_flat] - 1).max() < _LARGEST:
+            break
+    return log_turns(rng, joint, gear_ratio, fault, seen)
+
+
 def log_turns(
     rng: Generator, joint: DrivenJoint, gear_ratio: float, fault: Fault, seen: FloatArray
 ) -> JointLog:

@@ -9,18 +9,28 @@ from backlash.reading.columns import LogOptions
 from backlash.reading.limits import LIMITS
 from backlash.reading.samples import Samples, runs_of
 from backlash.refusals import Reason, Refusal
+from backlash.turns import is_to_and_fro
 from replication.records import Recording
 from replication.signature import FloatArray
 
 
 def keep_constant_speed(samples: Samples) -> Samples:
-    """Keep the longest stretch of turns that repeat at one mean speed, of the first turns of a long one."""
+    """Keep the longest stretch of turns that repeat at one mean speed, of the first turns of a long one; or strokes."""
     v, dt, options = samples.v, samples.dt, samples.options
     width = max(3, round(LIMITS.smoothing_s / dt))
     smooth = uniform_filter1d(v, width, mode="nearest")
     level = usual_speed(smooth, options.expected_speed_rps)
     if level <= np.std(v - smooth):
         raise Refusal("the motor stands still, or turns both ways", Reason.NOT_CONSTANT_SPEED)
+    longest_s = dt * runs_of(np.sign(smooth)).lengths.max()
+    if is_to_and_fro(smooth) and longest_s < LIMITS.least_turns * options.period_s(level):
+        if samples.torque is None:
+            raise Refusal(
+                "the motor moves to and fro: log the torque, too, by which strokes tell the backlash",
+                Reason.NOT_CONSTANT_SPEED,
+            )
+        _check_speed(level, options)
+        return samples
     level, first, last = _repeating_turns(v, smooth, level, dt, options)
     _check_speed(level, options)
     period = options.period_s(level)
@@ -31,12 +41,6 @@ def keep_constant_speed(samples: Samples) -> Samples:
     last -= 2 * width * (last < v.size)
     turns = (last - first) * dt / period
     if turns < LIMITS.least_turns - dt / period:
-        if smooth.min() < -0.5 * smooth.max() and smooth.max() > -0.5 * smooth.min():
-            raise Refusal(
-                "the motor moves to and fro; the joint has to turn round in one direction, "
-                f"{LIMITS.least_turns} turns or more",
-                Reason.NOT_CONSTANT_SPEED,
-            )
         is_short = last - first > 0.9 * v.size
         raise Refusal(
             f"{max(turns, 0):.1f} load turns of {period:.4g} s at {level:.4g} rps; {LIMITS.least_turns} alike are "
@@ -108,7 +112,7 @@ def _check_speed(level: float, options: LogOptions) -> None:
 
 def turn_forward(samples: Samples) -> Samples:
     """Change the signs of a motor that turns backward."""
-    if samples.v.mean() >= 0:
+    if samples.v.mean() >= 0 or is_to_and_fro(samples.v):
         return samples
     note = "the motor turns backward: the speed's sign is changed"
     return replace(samples, signals=-samples.signals).noting(note)
@@ -117,6 +121,9 @@ def turn_forward(samples: Samples) -> Samples:
 def make_recording(samples: Samples) -> Recording:
     """The record with its speed and turn period, of a speed that does not drift."""
     t, v, options = samples.t, samples.v, samples.options
+    if is_to_and_fro(v):
+        level = usual_speed(v, options.expected_speed_rps)
+        return Recording(t - t[0], v, level, options.period_s(level), "log")
     mean = float(v.mean())
     period = options.period_s(mean)
     # Gravity's part repeats in the first whole turns and the last.

@@ -1,11 +1,15 @@
 """The answer of a fit: which movements and joints are refused, the gap's interval, and what "no backlash" needs."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.fft import next_fast_len
 from scipy.special import ndtr
 
+from backlash.answer import TORQUE_SIGNAL, Trace
 from backlash.load_data import LoadData
 from backlash.refusals import Reason, Refusal
 from backlash.torque.load import (
@@ -19,26 +23,38 @@ from backlash.torque.load import (
     SHARE,
     SOFT,
     STIFFNESS,
-    differentiate,
 )
 from backlash.torque.problem import SETTINGS as COMPARISON
-from backlash.torque.problem import MeasuredTurn, Problem, measure_turn, state_problem, weigh_prior
+from backlash.torque.problem import (
+    MeasuredTurn,
+    Movement,
+    Problem,
+    measure_turn,
+    state_problem,
+    weigh_prior,
+)
 from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
+from backlash.torque.strokes import (
+    MeanStroke,
+    MeasuredStrokes,
+    measure_strokes,
+    state_strokes,
+    trace_strokes,
+)
 from backlash.torque.unknowns import IS_LOGARITHM, NAMES, TABLE
 from backlash.turns import (
     TURN,
     Harmonics,
     end_by_gravity,
-    gravity_by_turn,
-    odd_against_even,
+    is_to_and_fro,
     periodic,
-    scatter_of_phase,
     settled_turns,
     turn_phases,
 )
 from replication.records import Recording
 from replication.signature import FloatArray
 
+Measured = TypeVar("Measured", MeasuredTurn, MeanStroke, MeasuredStrokes)
 NORMAL_95 = 1.96  # half width over SD of a 95 % interval
 
 
@@ -107,7 +123,8 @@ class TorqueFit:
     is_none: bool  # the backlash is negligible, and one that is not fits clearly worse
     chi_squared: float  # per compared number
     joint: dict[str, tuple[float, float]]  # quantities of the joint, each with its SD
-    model_torque: FloatArray  # at the samples, up to 100 Hz
+    trace: Trace  # the torque, up to 100 Hz
+    strokes: str  # which, in words; none of turns
 
 
 @np.errstate(all="ignore")  # trials far from any joint
@@ -117,13 +134,10 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
     its current.
     """
-    settled, settled_torque = end_by_gravity(recording, torque)
-    turn = measure_turn(settled, settled_torque)
-    _check_movement(settled, settled_torque, turn, load)
-    problem = state_problem(turn, load)
-    best, *others = _put_joint_first(
-        problem, search(problem, state_problem(turn, load, is_rough=True))
-    )
+    measured, state, trace = measure(recording, torque)
+    check_movement(measured.movement, load)
+    problem = state(measured, load)
+    best, *others = _put_joint_first(problem, search(problem, state(measured, load, is_rough=True)))
     scale = problem.scale(best.chi2)
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)
@@ -137,15 +151,31 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     for mean_s in LIMITS.means_s:
-        _refuse_mean(turn, load, mean_s, best, interval)
+        left, undone = (state(each, load) for each in undo_mean(measured, mean_s))
+        _refuse_mean(left, undone, mean_s, best, interval)
     return TorqueFit(
         delta_rad=0.0 if is_none else best.delta_rad,
         interval_rad=interval,
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
-        joint=_quantities(best, covariance, rivals, scale, turn.gear_ratio, is_none),
-        model_torque=_model_torque(recording, torque, problem, best, settled.t.size),
+        joint=_quantities(best, covariance, rivals, scale, measured.movement.gear_ratio, is_none),
+        trace=trace(problem, best),
+        strokes=measured.movement.strokes,
     )
+
+
+def measure(
+    recording: Recording, torque: FloatArray
+) -> tuple[Any, Callable[..., Problem], Callable[[Problem, Candidate], Trace]]:
+    """The mean turn, or mean strokes, what states their problem, of a load, and what traces a joint's torque."""
+    if is_to_and_fro(recording.v):
+        strokes = measure_strokes(recording, torque)
+        for each in strokes.means:
+            refuse_averaged_rows(each.torques, strokes.sample_s)
+        return strokes, state_strokes, partial(trace_strokes, strokes)
+    settled, settled_torque = end_by_gravity(recording, torque)
+    trace = partial(_trace_turns, recording, torque, settled.t.size)
+    return measure_turn(settled, settled_torque), state_problem, trace
 
 
 def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]:
@@ -163,7 +193,7 @@ def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]
 
 def _covariance(problem: Problem, best: Candidate) -> FloatArray:
     """The unknowns' covariance, by the priors as they are above zero."""
-    slopes, _ = differentiate(best.orbit, problem.compared)
+    slopes, _ = problem.compared.differentiate(best.orbit)
     hessian, _ = weigh_prior(best.theta, np.maximum(best.theta, 1e-9), problem.prior)
     return np.asarray(np.linalg.inv(slopes.T @ slopes + hessian))
 
@@ -227,38 +257,35 @@ def _pool_intervals(
 # ------------------------------------------------------------------------------------------------- what is refused
 
 
-def _check_movement(
-    recording: Recording, torque: FloatArray, turn: MeasuredTurn, load: LoadData
-) -> None:
-    """Refuse a movement whose turns differ, or in which the teeth may not part, or part by the gear's error."""
-    lines = gravity_by_turn(recording, torque)
-    change = max(lines.real.std(), lines.imag.std()) / abs(lines.mean())
-    odd, scatter = odd_against_even(recording, torque), scatter_of_phase(recording, torque)
-    ripple = turn.ripple / (load.gravity_per_s2 * load.inertia_ratio)
+def check_movement(movement: Movement, load: LoadData) -> None:
+    """Refuse a movement whose passes differ, or in which the teeth may not part, or part by the gear's error."""
+    passes = "stroke" if movement.strokes else "turn"
+    change, odd, scatter_s = movement.change, movement.odd_against_even, movement.scatter_s
+    ripple = movement.ripple / (load.gravity_per_s2 * load.inertia_ratio)
     for is_beyond, reason, sentence in (
         (
             change > LIMITS.most_change,
             Reason.NOT_PERIODIC,
-            f"the torque's line once a turn changes by {change:.0%} from turn to turn; is it gravity's, or does "
+            f"the torque's line of gravity changes by {change:.0%} from {passes} to {passes}; is it gravity's, or does "
             "another axis move?",
         ),
         (
             odd > LIMITS.most_odd_against_even,
             Reason.NOT_PERIODIC,
-            f"odd and even turns differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
+            f"odd and even {passes}s differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
             "at half this joint's rate? hold all other axes still",
         ),
         (
-            scatter > LIMITS.most_scatter_s,
+            scatter_s > LIMITS.most_scatter_s,
             Reason.NOT_PERIODIC,
-            f"gravity's line comes {1e3 * scatter:.2g} ms early or late from turn to turn; does the log's clock "
+            f"gravity's line comes {1e3 * scatter_s:.2g} ms early or late by the {passes}; does the log's clock "
             "wander, or does another axis move?",
         ),
         (
-            turn.friction > 1.0,
+            movement.friction > 1.0,
             Reason.NO_REVERSAL,
-            f"the mean torque, {turn.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs an "
-            "off-centre load whose gravity exceeds friction and losses, and a horizontal axis",
+            f"the mean torque, {movement.friction:.2f} of gravity's, may hold the teeth on one flank; the test needs "
+            "an off-centre load whose gravity exceeds friction and losses, and a horizontal axis",
         ),
         (
             ripple > LIMITS.most_ripple,
@@ -272,15 +299,19 @@ def _check_movement(
 
 
 def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
-    """Refuse a torque that is a running mean, which no low-pass of the fit follows.
+    """Refuse a torque of turns that is a running mean."""
+    rows = settled_turns(recording, torque)
+    refuse_averaged_rows(rows, recording.turn_period_s / rows.shape[1])
+
+
+def refuse_averaged_rows(rows: FloatArray, sample_s: float) -> None:
+    """Refuse a torque, shape (passes, samples), that is a running mean, which no low-pass of the fit follows.
 
     The differences of a mean of n values have those of n samples before, with the other sign, and else nothing in
     common, as far as they are noise.
     """
-    rows = settled_turns(recording, torque)
-    sample_s = recording.turn_period_s / rows.shape[1]
     noise = np.diff(np.diff(rows, axis=0).ravel())
-    # Impacts, which no two turns have at the same sample, count as noise does.
+    # Impacts, which no two passes have at the same sample, count as noise does.
     most = 2 * np.median(np.abs(noise))
     noise = np.clip(noise, -most, most)
     size = next_fast_len(2 * noise.size, real=True)
@@ -304,26 +335,15 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
 
 
 def _refuse_mean(
-    turn: MeasuredTurn,
-    load: LoadData,
-    mean_s: float,
-    best: Candidate,
-    interval: tuple[float, float],
+    left: Problem, undone: Problem, mean_s: float, best: Candidate, interval: tuple[float, float]
 ) -> None:
     """Refuse where another backlash fits nearly as well, had speed and torque gone through a running mean.
 
     That leaves what is linear as it is, and only makes the gap smaller. It is undone up to where little is left.
     """
-    gain = np.sinc(turn.speed.omega * mean_s / TURN)
-    is_left = np.cumprod(gain > LIMITS.least_gain) > 0
-    gain[~is_left] = np.inf
-    left = turn._replace(used=turn.used & is_left)
-    undone = left._replace(
-        speed=_amplify(turn.speed, 1 / gain), torque=_amplify(turn.torque, 1 / gain)
-    )
-    if left.used.sum() < COMPARISON.least_harmonics:
+    if any(window.order.size < COMPARISON.least_harmonics for window in left.compared.windows):
         return
-    own, other = (_descend_from(each, load, best) for each in (left, undone))
+    own, other = (descend(each, evaluate(each, best.theta), 1e-4) for each in (left, undone))
     fits = other.chi2 < own.chi2 + LIMITS.rival_mean
     if fits and not interval[0] <= other.delta_rad <= interval[1]:
         raise Refusal(
@@ -333,20 +353,30 @@ def _refuse_mean(
         )
 
 
+def undo_mean(measured: Measured, mean_s: float) -> tuple[Measured, Measured]:
+    """What is measured up to where a running mean leaves much, as it is and with the mean undone."""
+    if isinstance(measured, MeasuredStrokes):
+        pairs = zip(*(undo_mean(each, mean_s) for each in measured.means), strict=True)
+        left, undone = (measured._replace(means=list(each)) for each in pairs)
+        return left, undone
+    gain = np.sinc(measured.speed.omega * mean_s / TURN)
+    is_left = np.cumprod(gain > LIMITS.least_gain) > 0
+    gain[~is_left] = np.inf
+    left = measured._replace(used=measured.used & is_left)
+    speed, torque = _amplify(measured.speed, 1 / gain), _amplify(measured.torque, 1 / gain)
+    return left, left._replace(speed=speed, torque=torque)
+
+
 def _amplify(signal: Harmonics, gain: FloatArray) -> Harmonics:
     return signal._replace(coefficient=gain * signal.coefficient, sd=gain * signal.sd)
 
 
-def _descend_from(turn: MeasuredTurn, load: LoadData, best: Candidate) -> Candidate:
-    """The joint of a turn near another turn's."""
-    problem = state_problem(turn, load)
-    return descend(problem, evaluate(problem, best.theta), 1e-4)
-
-
 def _check_speed(problem: Problem) -> None:
     """Refuse a speed whose noise hides what the teeth do."""
-    c = problem.compared
-    lines = int((np.abs(c.acceleration) > LIMITS.line_sds * c.omega * c.speed_sd).sum())
+    lines = sum(
+        int((np.abs(c.acceleration) > LIMITS.line_sds * c.omega * c.speed_sd).sum())
+        for c in problem.compared.windows
+    )
     if lines < LIMITS.least_lines:
         raise Refusal(
             f"the speed's noise leaves {lines} of its harmonics ({LIMITS.least_lines} are needed); {_ADVICE}",
@@ -426,9 +456,11 @@ def _up_to_gravity(theta: FloatArray) -> FloatArray:
     return np.where(np.arange(theta.size) == STIFFNESS, np.log(g / wind_up), theta)
 
 
-def _model_torque(
-    recording: Recording, torque: FloatArray, problem: Problem, best: Candidate, end: int
-) -> FloatArray:
-    """The model's torque at all samples, up to an end of which it was fitted, with the mean of the log's."""
+def _trace_turns(
+    recording: Recording, torque: FloatArray, end: int, problem: Problem, best: Candidate
+) -> Trace:
+    """The torque at all samples and the model's, up to an end of which it was fitted, with the mean of the log's."""
     phases = turn_phases(recording, end)
-    return np.asarray(torque.mean() + periodic(best.orbit.torque, problem.compared.order, phases))
+    [turn], [window] = best.orbit.each, problem.compared.windows
+    model = torque.mean() + periodic(turn.torque, window.order, phases)
+    return Trace(recording.t, torque, model, TORQUE_SIGNAL)

@@ -45,10 +45,23 @@ _MOST_TURNS = 12  # by Newton's method, which needs 2 to 4
 _NEARLY_CLOSED_RAD = 1e-7
 _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
 _UNIT = np.eye(2)
+_MOST_STARTS, _LEAST_GAIN = 3, 0.01  # of strokes: trials, and chi squared that one has to gain
+# Beside what is compared, of x and x' of 1 mrad at a usual ring, and of the level: steps where no tooth touches.
+_START_WEIGHT = np.diag([1e6, 1e6 / (TURN * 22.0) ** 2, 0.0])
 
 
-class Comparison(NamedTuple):
-    """Harmonics that are compared, and the motor's motion that drives the load."""
+class Stroke(NamedTuple):
+    """What a window of strokes has and a turn, which ends where it begins, has not."""
+
+    signs: FloatArray  # of the unknowns: a stroke back, mirrored, is one forth with gravity's phase negated
+    pads: FloatArray  # of each step: 1 in the window, smoothly 0 at the ends of what is driven
+    taper: FloatArray  # of the window, on an even grid of times
+    level: ComplexArray  # its harmonics: those of the motor's friction
+    size: float  # how many numbers it tells
+
+
+class Window(NamedTuple):
+    """Harmonics of a turn, or of strokes, that are compared, and the motor's motion that drives the load."""
 
     order: NDArray[np.int64]
     omega: FloatArray
@@ -65,6 +78,7 @@ class Comparison(NamedTuple):
     direction_by_lag: ComplexArray
     motion: FloatArray
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
+    stroke: Stroke | None = None
 
 
 def compare(
@@ -74,8 +88,13 @@ def compare(
     model_error: float,
     step_s: float,
     smoothing: float,
-) -> Comparison:
-    """Prepare the used ones of the torque's harmonics, and the motion by all of the speed's, in steps of `step_s`."""
+    begin: complex = 1.0,
+    advance: float = TURN,
+) -> Window:
+    """Prepare the used ones of the torque's harmonics, and the motion by all of the speed's, in steps of `step_s`.
+
+    The load begins in a direction, e^(i angle), and moves on by an angle.
+    """
     power = np.abs(torque.coefficient) ** 2
     power[1:] = uniform_filter1d(power[1:], 7)
     turn_s = TURN / speed.omega[0]
@@ -87,9 +106,9 @@ def compare(
         motion = factor * speed.coefficient * (1j * speed.omega) ** derivative
         waves[k, speed.order] = half_step * motion
     motion = np.fft.irfft(waves, steps) * steps
-    motion[0] += TURN / steps * (np.arange(steps) + 0.5)
-    direction = np.exp(1j * motion[0])
-    return Comparison(
+    motion[0] += advance / steps * (np.arange(steps) + 0.5)
+    direction = begin * np.exp(1j * motion[0])
+    return Window(
         order=speed.order[used],
         omega=speed.omega[used],
         torque=torque.coefficient[used],
@@ -223,7 +242,7 @@ def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contac
 
 
 def _close_orbit(
-    theta: FloatArray, c: Comparison, forcing: FloatArray, settling_turns: int, begin: FloatArray
+    theta: FloatArray, c: Window, forcing: FloatArray, settling_turns: int, begin: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """Find where a turn ends where it begins, by Newton's method, and its contact torques.
 
@@ -258,7 +277,7 @@ def _close_orbit(
     return None
 
 
-def _force_load(theta: FloatArray, c: Comparison) -> FloatArray:
+def _force_load(theta: FloatArray, c: Window) -> FloatArray:
     """What forces the load, a / N + g sin(q) + g F = force - cosine x, to the first order in x.
 
     Force, cosine and sine, shape (3, steps). What the lag moves the angle by, a ripple, is taken to the first order, as
@@ -300,10 +319,16 @@ class Prediction(NamedTuple):
     response: Responses
     torque: ComplexArray
     sd: FloatArray
+    left: ComplexArray  # of the measured harmonics, with the other sign
 
 
-def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -> Prediction | None:
-    """Predict the torque by the orbit near a start, or by the one that a load at rest comes to; None without one."""
+def predict(theta: FloatArray, c: Window, start: FloatArray | None = None) -> Prediction | None:
+    """Predict the torque by the orbit near a start, or by the one that a load at rest comes to; None without one.
+
+    Of strokes it is the motion that fits best, from a start near one, or near where the load would rest.
+    """
+    if c.stroke:
+        return _fit_start(theta * c.stroke.signs, c, c.stroke, start)
     forcing = _force_load(theta, c)
     settling_turns = _SETTLING_TURNS if start is None else 0
     orbit = _close_orbit(theta, c, forcing, settling_turns, np.zeros(2) if start is None else start)
@@ -311,10 +336,63 @@ def predict(theta: FloatArray, c: Comparison, start: FloatArray | None = None) -
         return None
     begin, contact = orbit
     torque, sd, response = predict_torque(theta, c, contact)
-    return Prediction(theta, begin, forcing, contact, response, torque, sd)
+    return Prediction(theta, begin, forcing, contact, response, torque, sd, torque - c.torque)
 
 
-def respond(theta: FloatArray, c: Comparison) -> Responses:
+def _fit_start(
+    theta: FloatArray, c: Window, stroke: Stroke, start: FloatArray | None
+) -> Prediction | None:
+    """The motion whose start, and whose level of friction, fit best, by Gauss's and Newton's method.
+
+    None if the load runs away.
+    """
+    forcing = _force_load(theta, c)
+    force, lowest, best = float(forcing[0, 0]), math.inf, None
+    waves = np.empty((2, forcing.shape[1]))
+    if start is None:
+        rest = force / np.exp(theta[STIFFNESS]) + math.copysign(1e-3 * theta[DELTA], force)
+        start = np.array([rest, 0.0, 0.0])
+    for _ in range(_MOST_STARTS):
+        state, contact = start[:2].copy(), np.empty(forcing.shape[1])
+        _simulate_turn(
+            *(theta, c.step_s, c.motion, forcing, 1.0, state, _UNIT.copy(), contact, waves)
+        )
+        torque, sd, response = predict_torque(theta, c, contact)
+        left = _in_window(torque, stroke, c) + start[2] * stroke.level - c.torque
+        here = Prediction(theta, start, forcing, contact, response, torque, sd, left)
+        residuals = torque_residuals(here)
+        chi2 = float(residuals @ residuals)
+        if not (abs(state[0]) < 1.0 and chi2 < lowest):
+            break
+        best, lowest = here, chi2
+        waves *= 1 + theta[LOSS] * contact / smooth_abs(contact, c)
+        slopes, normal = _slopes_by_start(here, c, stroke, _at_harmonics(waves, c))
+        downhill = -slopes.T @ residuals
+        step = np.linalg.solve(normal, downhill)
+        if step @ downhill < _LEAST_GAIN:
+            break
+        start = start + step
+    return best
+
+
+def _slopes_by_start(
+    predicted: Prediction, c: Window, stroke: Stroke, contact_slope: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Slopes of strokes' residuals by their start, by those of the harmonics of c + mu |c|, and the normal matrix."""
+    gain = predicted.response.torque_log * np.exp(predicted.theta[[INERTIA, RATIO]].sum())
+    rows = np.vstack([_in_window(gain * contact_slope, stroke, c), stroke.level])
+    slopes = (rows / predicted.sd).view(float).T
+    return slopes, slopes.T @ slopes + _START_WEIGHT
+
+
+def _in_window(harmonics: ComplexArray, stroke: Stroke, c: Window) -> ComplexArray:
+    """Harmonics, shape (..., harmonics), of what the window leaves of their wave."""
+    grid = np.zeros((*harmonics.shape[:-1], stroke.taper.size // 2 + 1), dtype=complex)
+    grid[..., c.order] = harmonics
+    return np.take(np.fft.rfft(stroke.taper * np.fft.irfft(grid)), c.order, axis=-1)
+
+
+def respond(theta: FloatArray, c: Window) -> Responses:
     """Find the responses of log and joint at each harmonic."""
     delay, low_pass, lag = theta[[DELAY, FILTER, LAG]].tolist()
     log = np.exp(-delay * c.per_ms) / (1 + low_pass * c.per_ms)
@@ -324,7 +402,7 @@ def respond(theta: FloatArray, c: Comparison) -> Responses:
 
 
 def predict_torque(
-    theta: FloatArray, c: Comparison, contact: FloatArray
+    theta: FloatArray, c: Window, contact: FloatArray
 ) -> tuple[ComplexArray, FloatArray, Responses]:
     """The torque's harmonics by the contact torque, N J_m (a / N + rho (c + mu |c|)), late, with SDs and response.
 
@@ -339,31 +417,37 @@ def predict_torque(
     return torque, np.sqrt(noise**2 + c.own_variance), response
 
 
-def smooth_abs(contact: FloatArray, c: Comparison) -> FloatArray:
+def smooth_abs(contact: FloatArray, c: Window) -> FloatArray:
     """|c|, smooth where the torque crosses zero."""
     return np.sqrt(contact * contact + c.smoothing**2)
 
 
-def _at_harmonics(waves: FloatArray, c: Comparison) -> ComplexArray:
+def _at_harmonics(waves: FloatArray, c: Window) -> ComplexArray:
     """The compared harmonics of waves, shape (..., steps), as (..., harmonics)."""
-    return np.asarray(np.fft.rfft(waves)[..., c.order] / c.mid_step)
+    padded = c.stroke.pads * waves if c.stroke else waves
+    return np.asarray(np.fft.rfft(padded)[..., c.order] / c.mid_step)
 
 
-def torque_residuals(predicted: Prediction, c: Comparison) -> FloatArray:
+def torque_residuals(predicted: Prediction) -> FloatArray:
     """What the model leaves of the torque's harmonics over their SDs, real and imaginary parts in turn."""
-    return ((predicted.torque - c.torque) / predicted.sd).view(float)
+    return (predicted.left / predicted.sd).view(float)
 
 
-def differentiate(predicted: Prediction, c: Comparison) -> tuple[FloatArray, FloatArray]:
-    """Slopes of the residuals, shape (residuals, unknowns), and of the orbit's start; not finite where orbits part."""
+def differentiate(predicted: Prediction, c: Window) -> tuple[FloatArray, FloatArray]:
+    """Slopes of the residuals, shape (residuals, unknowns), and of the start; not finite where orbits part."""
     theta, steps = predicted.theta, predicted.contact.size
-    end, jacobian = predicted.start.copy(), np.eye(2, 2 + OF_CONTACT)
+    end, jacobian = predicted.start[:2].copy(), np.eye(2, 2 + OF_CONTACT)
     unused, waves = np.empty(steps), np.empty((3 + OF_CONTACT, steps))
     _simulate_turn(
         *(theta, c.step_s, c.motion, predicted.forcing, c.smoothing, end, jacobian, unused, waves)
     )
     waves[-1] = smooth_abs(predicted.contact, c)
     slope = _at_harmonics(waves, c)
+    if c.stroke:
+        slopes = _residual_slopes(predicted, c, slope[2:-1], slope[-1])
+        by_start, normal = _slopes_by_start(predicted, c, c.stroke, slope[:2])
+        start_slopes = -np.linalg.solve(normal, by_start.T @ slopes)
+        return (slopes + by_start @ start_slopes) * c.stroke.signs, start_slopes * c.stroke.signs
     # The start moves with the unknowns, so that the turn ends where it begins.
     (p, q), (r, s) = np.eye(2) - jacobian[:, :2]
     start_slopes = np.array([[s, -q], [-r, p]]) @ jacobian[:, 2:] / (p * s - q * r)
@@ -372,7 +456,7 @@ def differentiate(predicted: Prediction, c: Comparison) -> tuple[FloatArray, Flo
 
 
 def _residual_slopes(
-    predicted: Prediction, c: Comparison, contact_slope: ComplexArray, loss_slope: ComplexArray
+    predicted: Prediction, c: Window, contact_slope: ComplexArray, loss_slope: ComplexArray
 ) -> FloatArray:
     """Slopes of the residuals by all unknowns, by those of the harmonics of c + mu |c|."""
     theta, response, torque = predicted.theta, predicted.response, predicted.torque
@@ -386,12 +470,14 @@ def _residual_slopes(
     slope[DELAY] = -c.per_ms * torque
     slope[LOSS] = gain * rho * loss_slope
     slope[FILTER] = slope[DELAY] / (1 + theta[FILTER] * c.per_ms)
-    slope -= (torque - c.torque) / predicted.sd * _sd_slopes(predicted, c)
+    if c.stroke:
+        slope = _in_window(slope, c.stroke, c)
+    slope -= predicted.left / predicted.sd * _sd_slopes(predicted, c)
     slope /= predicted.sd
     return slope.view(float).T
 
 
-def _sd_slopes(predicted: Prediction, c: Comparison) -> FloatArray:
+def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     """Slopes of the torque's SDs by the unknowns, shape (unknowns, harmonics): the speed's noise goes with them."""
     theta, response, sd = predicted.theta, predicted.response, predicted.sd
     spring, carried = response.spring, response.carried
@@ -406,3 +492,38 @@ def _sd_slopes(predicted: Prediction, c: Comparison) -> FloatArray:
     slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
     slope *= (sd**2 - c.own_variance) / sd
     return slope
+
+
+class Predictions(NamedTuple):
+    """What a joint makes of the motion in each window."""
+
+    each: list[Prediction]
+
+    @property
+    def start(self) -> FloatArray:
+        """Where the load begins, in one window after the other."""
+        return np.concatenate([one.start for one in self.each])
+
+
+class Comparison(NamedTuple):
+    """What is compared: the mean turn, the only window, or the mean stroke of each direction."""
+
+    windows: tuple[Window, ...]
+    size: float  # how many numbers are compared
+
+    def predict(self, theta: FloatArray, start: FloatArray | None = None) -> Predictions | None:
+        """Predict the torque of all windows; None if one has no motion."""
+        count = len(self.windows)
+        starts = [None] * count if start is None else np.split(start, count)
+        each = [predict(theta, *both) for both in zip(self.windows, starts, strict=True)]
+        whole = [one for one in each if one]
+        return Predictions(whole) if len(whole) == count else None
+
+    def residuals(self, predicted: Predictions) -> FloatArray:
+        """What the model leaves, over its SDs."""
+        return np.concatenate([*map(torque_residuals, predicted.each)])
+
+    def differentiate(self, predicted: Predictions) -> tuple[FloatArray, FloatArray]:
+        """Slopes of the residuals by the unknowns, and of the starts."""
+        slopes, starts = zip(*map(differentiate, predicted.each, self.windows), strict=True)
+        return np.vstack(slopes), np.vstack(starts)

@@ -23,7 +23,17 @@ from backlash.torque.load import (
     compare,
 )
 from backlash.torque.unknowns import TABLE
-from backlash.turns import LEAST_GRAVITY, TURN, Harmonics, harmonics, round_to, settled_turns
+from backlash.turns import (
+    LEAST_GRAVITY,
+    TURN,
+    Harmonics,
+    gravity_by_turn,
+    harmonics,
+    odd_against_even,
+    round_to,
+    scatter_of_phase,
+    settled_turns,
+)
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -62,15 +72,25 @@ _FRICTION_ERROR = 1e-3  # over gravity
 _BESIDE_A_LINE = [1, 1, 1, 1, 0, 0, 0, 0, 0, 1, 1, 1, 1]  # a drift of the turn widens a line
 
 
+class Movement(NamedTuple):
+    """By what a movement is refused: how its passes, turns or strokes, differ, and what may part the teeth or not."""
+
+    gear_ratio: float
+    change: float  # SD of gravity's line from pass to pass, over its mean
+    odd_against_even: float  # difference of odd and even passes over gravity
+    scatter_s: float  # of the times at which gravity's line comes
+    friction: float  # mean torque over gravity's: of motor, gear and load
+    ripple: float  # acceleration of a line that stands out [rad/s^2 of the load]
+    strokes: str = ""  # which, in words; none of turns
+
+
 class MeasuredTurn(NamedTuple):
-    """Harmonics of speed [rad/s of the load] and torque, and what they tell of friction and ripple."""
+    """Harmonics of speed [rad/s of the load] and torque."""
 
     speed: Harmonics
     torque: Harmonics
     used: NDArray[np.bool_]
-    gear_ratio: float
-    friction: float  # mean torque over gravity's: of motor, gear and load
-    ripple: float  # acceleration of a line that stands out [rad/s^2 of the load]
+    movement: Movement
 
 
 def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
@@ -93,11 +113,8 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             "the torque, or that of the speed, may be reversed; change its sign",
             Reason.NO_GRAVITY,
         )
-    # A log of the joint's side has no orders of the motor's.
-    orders = gear_ratio * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
-    beside_motor = np.abs(speed.order[:, None] - orders) < 1.5
     used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
-    used &= ~beside_motor.any(axis=1)
+    used &= ~beside_motor(speed.order, gear_ratio, gear_ratio)
     if used.sum() < SETTINGS.least_harmonics:
         raise Refusal(
             f"{used.sum()} harmonics of the turn up to {SETTINGS.fitted_hz:g} Hz can be compared; "
@@ -105,7 +122,31 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             Reason.TOO_SLOWLY_SAMPLED,
         )
     friction = float(round_to(mean / (2 * gravity), _FRICTION_ERROR))
-    return MeasuredTurn(speed, of_torque, used, gear_ratio, friction, largest_ripple(speed))
+    movement = compare_turns(recording, torque, gear_ratio, friction, largest_ripple(speed))
+    return MeasuredTurn(speed, of_torque, used, movement)
+
+
+def compare_turns(
+    recording: Recording, torque: FloatArray, gear_ratio: float, friction: float, ripple: float
+) -> Movement:
+    """By how much the turns of a movement differ, beside what its mean turn tells."""
+    lines = gravity_by_turn(recording, torque)
+    return Movement(
+        gear_ratio=gear_ratio,
+        change=max(lines.real.std(), lines.imag.std()) / abs(lines.mean()),
+        odd_against_even=odd_against_even(recording, torque),
+        scatter_s=scatter_of_phase(recording, torque),
+        friction=friction,
+        ripple=ripple,
+    )
+
+
+def beside_motor(
+    order: NDArray[np.int64], gear_ratio: float, motor_turns: float
+) -> NDArray[np.bool_]:
+    """Harmonics beside the motor's orders; a log of the joint's side has none."""
+    orders = motor_turns * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
+    return np.asarray((np.abs(order[:, None] - orders) < 1.5).any(axis=1))
 
 
 def round_below_noise(exact: Harmonics) -> Harmonics:
@@ -137,16 +178,29 @@ class Prior(NamedTuple):
     most_friction: float  # of the load: all friction
 
 
+class Minima(NamedTuple):
+    """How many minima of chi squared there are: many narrow ones of strokes."""
+
+    near: float  # chi squared beyond the lowest one's of others that go on
+    most_near: int  # of these
+    start_frictions: tuple[float, ...]  # of all friction
+
+
+OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95))
+OF_STROKES = Minima(100.0, 12, tuple(np.linspace(0.0, 1.0, 25)))
+
+
 class Problem(NamedTuple):
     """Least squares in the unknowns: the numbers that are compared, and the prior."""
 
     compared: Comparison
     prior: Prior
+    minima: Minima = OF_TURNS
 
     @property
-    def size(self) -> int:
+    def size(self) -> float:
         """How many numbers are compared."""
-        return 2 * self.compared.order.size
+        return self.compared.size
 
     def scale(self, chi2: float) -> float:
         """Chi squared per number, which exceeds one where the model leaves more than noise; else one."""
@@ -219,12 +273,18 @@ def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) ->
     for _ in range(4):  # T = N J_m (inertial + rho g weight), whose direction is nearly that of T
         inertia = abs(first / (0.5 * rho * g * weight / abs(weight) + inertial))
         weight = first / inertia - inertial
-    mean, sd, below = np.array([(each.mean, each.sd, each.sd_below_zero) for each in TABLE]).T
-    mean[PHASE], mean[INERTIA] = np.angle(1j * weight), np.log(inertia)
-    mean[GRAVITY], sd[GRAVITY] = np.log(g), load.gravity_sd + 1e-3
-    mean[RATIO], sd[RATIO] = np.log(rho), load.inertia_sd + 1e-3
     used = turn.used & (turn.speed.order <= harmonics)
     smoothing = c.loss_smoothing * g
     compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
+    prior = state_prior(load, float(np.angle(1j * weight)), inertia, turn.movement.friction)
+    return Problem(Comparison((compared,), 2 * compared.order.size), prior)
+
+
+def state_prior(load: LoadData, phase: float, inertia: float, most_friction: float) -> Prior:
+    """What is known of all joints, of this one's load, and of gravity's phase and N J_m by the log."""
+    mean, sd, below = np.array([(each.mean, each.sd, each.sd_below_zero) for each in TABLE]).T
+    mean[PHASE], mean[INERTIA] = phase, np.log(inertia)
+    mean[GRAVITY], sd[GRAVITY] = np.log(load.gravity_per_s2), load.gravity_sd + 1e-3
+    mean[RATIO], sd[RATIO] = np.log(load.inertia_ratio), load.inertia_sd + 1e-3
     below = np.where(np.isnan(below), sd, below)
-    return Problem(compared, Prior(mean, sd**-2.0, below**-2.0, turn.friction))
+    return Prior(mean, sd**-2.0, below**-2.0, most_friction)

@@ -19,14 +19,10 @@ from backlash.torque.load import (
     FILTER,
     FRICTION,
     LAG,
-    OF_CONTACT,
     SHARE,
     SOFT,
     STIFFNESS,
-    Prediction,
-    differentiate,
-    predict,
-    torque_residuals,
+    Predictions,
 )
 from backlash.torque.problem import Problem, prior_chi_squared, weigh_prior
 from backlash.torque.unknowns import FIRST_STEP
@@ -57,7 +53,6 @@ class SearchSettings:
     rings_hz: tuple[float, float] = (10.0, 60.0)  # industrial joints: 8 to 60 Hz
     start_rings: int = 7
     start_damping: float = 0.15  # more than joints have: with fewer bounces valleys are wider
-    start_frictions: tuple[float, ...] = (0.02, 0.25, 0.5, 0.75, 0.95)  # of all friction
     first_starts: int = 16
     usual_misfit: float = 1.6
     finalists: tuple[int, int] = (5, 20)
@@ -74,9 +69,7 @@ class SearchSettings:
     rough_tolerance: float = 2e-2
     tolerance: float = 1e-3
     last_tolerance: float = 1e-10
-    near: float = 20.0  # chi squared beyond the best end's of ends that go on
-    rival: float = 9.0  # and of ends of restarts, three SDs
-    most_near: int = 4
+    rival: float = 9.0  # chi squared beyond the best end's of ends of restarts, three SDs
     # Many minima lie close together, and a soft part beside a stiffer spring winds up as far under gravity: so descents
     # begin again from beside the lowest, mostly from such joints, with usual details.
     restarts: tuple[Move, ...] = (
@@ -109,11 +102,11 @@ class Candidate(NamedTuple):
     theta: FloatArray
     chi2: float
     prior_chi2: float = 0.0
-    predicted: Prediction | None = None
+    predicted: Predictions | None = None
     residuals: FloatArray = np.empty(0)
 
     @property
-    def orbit(self) -> Prediction:
+    def orbit(self) -> Predictions:
         """What it predicts; Refusal without a periodic orbit."""
         if self.predicted is None:
             raise Refusal("under no joint that was tried does the load turn on", Reason.NO_FIT)
@@ -142,9 +135,9 @@ def search(problem: Problem, rough: Problem) -> list[Candidate]:
         if is_near and problem.misfit(best.chi2) < s.usual_misfit:
             break
     # An end that fits nearly as well may lie in the best one's valley: all of these go on to their minimum.
-    scale = problem.scale(best.chi2)
-    most = best.chi2 + s.near * scale
-    near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: s.most_near]
+    scale, minima = problem.scale(best.chi2), problem.minima
+    most = best.chi2 + minima.near * scale
+    near = [each for each in distinct(ends, s.rough_same) if each.chi2 < most][: minima.most_near]
     near = [descend(problem, each, s.near_tolerance) for each in near or [best]]
     for restart in s.restarts:
         lowest = min(near, key=_chi2)
@@ -169,7 +162,7 @@ def place_each(problem: Problem, delta_mrad: float, rings: FloatArray) -> list[l
     placed: list[list[Candidate]] = []
     theta = problem.prior.mean.copy()
     theta[DELTA], theta[DAMPING] = delta_mrad, math.log(SETTINGS.start_damping)
-    frictions = np.array(SETTINGS.start_frictions) * min(problem.prior.most_friction, 0.9)
+    frictions = np.array(problem.minima.start_frictions) * min(problem.prior.most_friction, 0.9)
     for ring in rings:
         theta[STIFFNESS] = ring
         beside = placed[-1][0] if placed else None
@@ -188,10 +181,10 @@ def place_each(problem: Problem, delta_mrad: float, rings: FloatArray) -> list[l
 def evaluate(problem: Problem, theta: FloatArray, start: FloatArray | None = None) -> Candidate:
     """A joint with its misfit, by the orbit near a start or from rest."""
     prior_chi2 = prior_chi_squared(theta, problem.prior)
-    predicted = predict(theta, problem.compared, start)
+    predicted = problem.compared.predict(theta, start)
     if predicted is None:
         return Candidate(theta, np.inf, prior_chi2)
-    residuals = torque_residuals(predicted, problem.compared)
+    residuals = problem.compared.residuals(predicted)
     chi2 = float(residuals @ residuals) + prior_chi2
     return Candidate(theta, chi2, prior_chi2, predicted, residuals)
 
@@ -260,7 +253,7 @@ class _Slopes(NamedTuple):
 
 
 def _differentiate(problem: Problem, here: Candidate) -> _Slopes:
-    slopes, start_slopes = differentiate(here.orbit, problem.compared)
+    slopes, start_slopes = problem.compared.differentiate(here.orbit)
     return _Slopes(slopes, start_slopes, slopes.T @ slopes, -(slopes.T @ here.residuals))
 
 
@@ -294,7 +287,7 @@ def descend(
         if length < 1e-5:
             break
         trials += 1
-        start = here.orbit.start + slopes.start @ step[:OF_CONTACT]
+        start = here.orbit.start + slopes.start @ step[: slopes.start.shape[1]]
         there = evaluate(problem, here.theta + step, start)
         gain = here.chi2 - there.chi2
         linear = here.residuals + slopes.residuals @ step

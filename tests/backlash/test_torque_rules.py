@@ -22,9 +22,9 @@ from backlash.torque.load import (
     STIFFNESS,
 )
 from backlash.torque.problem import (
-    MeasuredTurn,
     Prior,
     Problem,
+    compare_turns,
     largest_ripple,
     measure_turn,
     prior_chi_squared,
@@ -48,7 +48,7 @@ def candidate(delta_mrad, chi2=100.0, gravity=0.0):
 
 
 def of_hundred_numbers(sd):
-    compared = SimpleNamespace(order=np.zeros(50))
+    compared = SimpleNamespace(size=100)
     return Problem(compared, Prior(np.zeros(sd.size), sd**-2, sd**-2, most_friction=0.5))
 
 
@@ -57,16 +57,17 @@ def decide(monkeypatch):
     """What `fit_torque` makes of candidates whose misfits are of 100 numbers, with an SD of the gap [mrad]."""
     held = []
     for name, result in {
-        "end_by_gravity": (SimpleNamespace(t=np.zeros(1)), np.zeros(1)),
-        "measure_turn": SimpleNamespace(gear_ratio=1.0),
-        "_check_movement": None,
-        "refuse_averaged": None,
+        "check_movement": None,
+        "undo_mean": (None, None),
+        "_refuse_mean": None,
         "_check_joint": None,
         "_check_speed": None,
-        "_refuse_mean": None,
-        "state_problem": of_hundred_numbers(np.ones(len(NAMES))),
         "_quantities": {},
-        "_model_torque": None,
+        "measure": (
+            SimpleNamespace(movement=SimpleNamespace(gear_ratio=1.0, strokes="")),
+            lambda *_, **__: of_hundred_numbers(np.ones(len(NAMES))),
+            lambda *_: None,
+        ),
     }.items():
         monkeypatch.setattr(rules, name, lambda *_, result=result, **__: result)
 
@@ -181,14 +182,9 @@ def test_an_interval_s_side_has_its_own_sd():
 def test_a_backlash_asks_for_two_harmonics_of_the_speed_that_stand_out(significant, words):
     omega = np.arange(1.0, 21)
     speed = np.where(omega <= significant, 4.1, 3.9) * 0.5
-    compared = SimpleNamespace(omega=omega, speed_sd=0.5, acceleration=1j * omega * speed)
+    window = SimpleNamespace(omega=omega, speed_sd=0.5, acceleration=1j * omega * speed)
     with refused_for(words):
-        rules._check_speed(Problem(compared, None))
-
-
-def made_turn(**others):
-    values = {"friction": 0.5, "ripple": 0.0, "gear_ratio": 40.0} | others
-    return MeasuredTurn(None, None, None, **values)
+        rules._check_speed(Problem(SimpleNamespace(windows=(window,)), None))
 
 
 @pytest.mark.parametrize(
@@ -214,9 +210,11 @@ def test_a_movement_is_refused_beyond_its_limits(
     record = Recording(t, np.ones(t.size), 100.0, 0.4, "made")
     sign = (-1) ** np.floor(t / 0.4 * 2 / period_turns)
     wave = (1 + amplitude * sign) * np.cos(TURN * (t - late_s * sign) / 0.4 + phase)
-    given = (record, wave, made_turn(**fields), LoadData(2.0, 30.0))
+    movement = compare_turns(
+        record, wave, **{"gear_ratio": 40.0, "friction": 0.5, "ripple": 0.0} | fields
+    )
     with refused_for(words):
-        rules._check_movement(*given)
+        rules.check_movement(movement, LoadData(2.0, 30.0))
 
 
 # Of 100 numbers, chi squared of noise has the SD of 14.1.
@@ -323,7 +321,7 @@ def test_harmonics_up_to_100_hz_and_80_are_compared_but_for_the_motors_orders():
     turn = measure_turn(*measured_record(0.4))
     assert set(turn.speed.order[turn.used]) == set(range(1, 41)) - {29, 30, 31}
     assert turn.speed.order[-1] == 120
-    assert turn.friction == pytest.approx(2 / 3, rel=1e-3)
+    assert turn.movement.friction == pytest.approx(2 / 3, rel=1e-3)
     assert abs(turn.speed.coefficient[0]) == pytest.approx(TURN / 30 * 0.05, rel=1e-3)
     turn = measure_turn(*measured_record(1.0))
     assert set(turn.speed.order[turn.used]) == set(range(1, 81)) - {29, 30, 31, 59, 60, 61}
