@@ -179,12 +179,17 @@ def measure(
 
 
 def _put_joint_first(problem: Problem, ends: list[Candidate]) -> list[Candidate]:
-    """The ends, first the lowest that a joint can be, if it fits nearly as well as the lowest of all."""
-    most = ends[0].chi2 + LIMITS.rival * problem.scale(ends[0].chi2)
+    """The ends, first the lowest that a joint can be, if it fits nearly as well as the lowest of all.
+
+    Of strokes it may fit as well as noise lets it; what is no joint, and far lower, is left out.
+    """
+    rival = LIMITS.rival * problem.scale(ends[0].chi2)
+    most = max(ends[0].chi2 + rival, problem.minima.fitting * problem.size)
     for each in ends:
         distances = np.abs(problem.prior_residuals(each.theta)) / _MOST_RESIDUAL
         if each.chi2 < most and distances.max() < 1:
-            return [each, *(other for other in ends if other is not each)]
+            others = (other for other in ends if other is not each)
+            return [each, *(other for other in others if other.chi2 > each.chi2 - rival)]
     return ends
 
 

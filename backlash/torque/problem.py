@@ -184,10 +184,13 @@ class Minima(NamedTuple):
     near: float  # chi squared beyond the lowest one's of others that go on
     most_near: int  # of these
     start_frictions: tuple[float, ...]  # of all friction
+    # Chi squared per number, below which a joint fits, even if what is no joint makes so much of the speed's noise that
+    # it leaves still less.
+    fitting: float
 
 
-OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95))
-OF_STROKES = Minima(100.0, 12, tuple(np.linspace(0.0, 1.0, 25)))
+OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95), 0.0)
+OF_STROKES = Minima(100.0, 12, tuple(np.linspace(0.0, 1.0, 25)), 1.0)
 
 
 class Problem(NamedTuple):
