@@ -302,7 +302,9 @@ def draw_strokes(
         timing = rng.uniform(0.15, 0.4), rng.uniform(0.1, 0.5)
         seen, wanted = run_strokes(joint, fault, ends, int(rng.integers(8, 13)), *timing)
         window = np.ones(round(_SETTLING_S / CONTROL_S))
-        is_flat = np.convolve(np.abs(wanted) == joint.speed, window)[: wanted.size] > window.size - 1
+        is_flat = (
+            np.convolve(np.abs(wanted) == joint.speed, window)[: wanted.size] > window.size - 1
+        )
         if np.abs(seen[is_flat, 0] / wanted[is_flat] - 1).max() < _LARGEST:
             break
     return log_turns(rng, joint, gear_ratio, fault, seen)
