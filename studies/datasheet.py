@@ -23,6 +23,7 @@ from studies.simulated_joints import (
     JointLog,
     Ranges,
     draw_log_uniform,
+    draw_strokes,
     draw_turns,
 )
 
@@ -82,12 +83,24 @@ FAULTS = {
     "gear ratio doubled": (Fault(), (Reason.WRONG_PERIOD,)),
 }
 LOGS_OF_A_FAULT = 4
+# To and fro, with other joints' faults in the harder ones.
+STROKES = {
+    "strokes, friction 0 to 20 %, loss 0 to 10 %": ((0.0, 0.2), (0.0, 0.1), Fault(), 18),
+    "strokes, friction 20 to 40 %, loss 10 to 25 %": ((0.2, 0.4), (0.1, 0.25), Fault(), 12),
+    "strokes, gear's error of 0.1 mrad, soft teeth": (
+        *((0.0, 0.3), (0.0, 0.2)),
+        Fault(transmission_rad=1e-4, transmission_order=2, soft_share=0.7, soft_rad=1e-4),
+        12,
+    ),
+    "strokes, second axis of 10 % of gravity": ((0.0, 0.2), (0.0, 0.1), Fault(second_axis=0.1), 4),
+    "strokes, gear ratio doubled": ((0.0, 0.2), (0.0, 0.1), Fault(), 4),
+}
 NORMAL_95 = 1.96
 # Beside the backlash, each with its SD.
 TOLD = ("stiffness_per_s2", "damping_ratio", "friction_share", "loss")
 
 
-POPULATIONS = (*TURNS, *WIDE, *FAULTS)
+POPULATIONS = (*TURNS, *WIDE, *FAULTS, *STROKES)
 
 
 def measure_all(populations: Iterable[str] = POPULATIONS) -> DataFrame:
@@ -95,6 +108,7 @@ def measure_all(populations: Iterable[str] = POPULATIONS) -> DataFrame:
     logs = {name: logs for name, (*_, logs) in TURNS.items()}
     logs |= dict.fromkeys(WIDE, LOGS_OF_A_RANGE)
     logs |= dict.fromkeys(FAULTS, LOGS_OF_A_FAULT)
+    logs |= {name: logs for name, (*_, logs) in STROKES.items()}
     calls = [(name, number) for name in populations for number in range(logs[name])]
     return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
 
@@ -106,9 +120,14 @@ def measure_log(population: str, number: int) -> dict[str, object]:
     delta = 0.0 if number % 6 == 5 else draw_log_uniform(rng, *plays)
     friction, loss, _ = TURNS.get(population, ((0.0, 0.4), (0.0, 0.25), 0))
     fault, _ = FAULTS.get(population, (Fault(), ()))
+    if population in STROKES:
+        friction, loss, fault, _ = STROKES[population]
     drawn = rng.uniform(*friction), rng.uniform(*loss)
-    log = draw_turns(rng, delta, *drawn, fault, WIDE.get(population, ORDINARY))
-    gear_ratio = log.gear_ratio * (2 if population == "gear ratio doubled" else 1)
+    if population in STROKES:
+        log = draw_strokes(rng, delta, *drawn, fault)
+    else:
+        log = draw_turns(rng, delta, *drawn, fault, WIDE.get(population, ORDINARY))
+    gear_ratio = log.gear_ratio * (2 if population.endswith("gear ratio doubled") else 1)
     try:
         answer = ask_sensor(misjudge(rng, log), gear_ratio=gear_ratio)
     except Refusal as refusal:  # of the record, before any fit
@@ -209,7 +228,9 @@ def _write_ranges(wide: DataFrame) -> list[str]:
 def write_page(sheet: DataFrame, engine: DataFrame) -> str:
     """The page: turns by friction and loss, the physics engine's, faults, limits; at most 300 words."""
     sheet = sheet.set_index("population", drop=False)
-    turns, wide, faults = (sheet.loc[[*names]] for names in (TURNS, WIDE, FAULTS))
+    turns, wide, faults, strokes = (
+        sheet[sheet.index.isin(names)] for names in (TURNS, WIDE, FAULTS, STROKES)
+    )
     total = turns.sum(numeric_only=True).astype(int)
     lines = [
         "# The sensor's datasheet",
@@ -224,12 +245,12 @@ def write_page(sheet: DataFrame, engine: DataFrame) -> str:
         f"{describe_rate(total['false_all_clears'], total['joints'])}; healthy joints called "
         f"{describe_rate(total['healthy_called'], total['healthy'])}.",
         "",
-        "| By torque, turning round | answered | covered | healthy called |",
+        "| By torque | answered | covered | healthy called |",
         "|-|-|-|-|",
         *(
             f"| {row.population} | {row.answered} of {row.joints} | {row.covered} | "
             f"{row.healthy_called} of {row.healthy} |"
-            for row in [*turns.itertuples(), *engine.itertuples()]
+            for row in [*turns.itertuples(), *strokes.itertuples(), *engine.itertuples()]
         ),
         "",
         f"Of these {total['answered']} answers' other quantities, within 1.96 SDs of the truth: "
@@ -251,7 +272,7 @@ def write_page(sheet: DataFrame, engine: DataFrame) -> str:
         ),
         "",
         "Limits: rings of 10 to 60 Hz; half plays below 0.05 mrad count as none; 250 samples a second or more; load "
-        "friction and losses below gravity. Strokes to and fro are not answered.",
+        "friction and losses below gravity. Strokes tell the backlash at the hanging position.",
         "",
     ]
     return "\n".join(lines)

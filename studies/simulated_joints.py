@@ -23,6 +23,7 @@ _STRIBECK_RAD_PER_S = 0.3  # of the load, at which a third of what friction at r
 _TURNS = 12
 _TURNS_BEFORE = 2
 _LARGEST = 0.1  # of the speed, that a tuned joint strays from it by
+_SETTLING_S = 0.2  # after which a stroke has its speed
 
 
 class Fault(NamedTuple):
@@ -262,14 +263,28 @@ def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
 
 
 def stroke_speeds(
-    speed: float, ends_rad: tuple[float, float], strokes: int, ramp_s: float, rest_s: float
+    speed: float, ends_rad: FloatArray, strokes: int, ramp_s: float, rest_s: float
 ) -> FloatArray:
     """Speed of each control period of strokes between two ends, from the first one, each with ramps and a rest."""
     ramp = np.arange(0.5, ramp_s / CONTROL_S) * CONTROL_S / ramp_s
-    flat = np.ones(round((abs(ends_rad[1] - ends_rad[0]) / speed - ramp_s) / CONTROL_S))
+    flat = np.ones(round((np.ptp(ends_rad) / speed - ramp_s) / CONTROL_S))
     rest = np.zeros(round(rest_s / CONTROL_S))
-    stroke = math.copysign(speed, ends_rad[1] - ends_rad[0]) * np.r_[ramp, flat, ramp[::-1], rest]
-    return np.concatenate([rest, *(stroke * (-1) ** k for k in range(strokes))])
+    stroke = np.concatenate([speed * ramp, speed * flat, speed * ramp[::-1], rest])
+    way = np.sign(ends_rad[1] - ends_rad[0])
+    return np.concatenate([rest, *(way * (-1) ** k * stroke for k in range(strokes))])
+
+
+def run_strokes(
+    joint: DrivenJoint,
+    fault: Fault,
+    ends_rad: FloatArray,
+    strokes: int = 10,
+    ramp_s: float = 0.3,
+    rest_s: float = 0.3,
+) -> tuple[FloatArray, FloatArray]:
+    """Measured speed and torque of each control period of strokes between two ends; and the speed that is wanted."""
+    wanted = stroke_speeds(joint.speed, ends_rad, strokes, ramp_s, rest_s)
+    return follow_path(joint, fault, float(ends_rad[0]), wanted), wanted
 
 
 def draw_strokes(
@@ -279,19 +294,17 @@ def draw_strokes(
     loss: float = 0.0,
     fault: Fault = Fault(),  # noqa: B008
 ) -> JointLog:
-    """Draw a log of 8 to 12 strokes through the hanging position with noise, as a drive logs them."""
+    """Draw a log of 8 to 12 strokes through the hanging position with noise, as those of turns are drawn."""
     while True:
-        speed = rng.uniform(1.0, 2.0)
-        gear_ratio = float(rng.choice([50, 80, 100, 101, 121, 160]))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss)
+        gear_ratio = float(rng.choice(ORDINARY.gear_ratios))
+        joint = draw_joint(rng, delta_rad, rng.uniform(1.0, 2.0), gear_ratio, friction, loss)
         ends = np.radians([-1, 1] * rng.uniform(60, 90, 2)) * rng.choice([-1, 1])
         timing = rng.uniform(0.15, 0.4), rng.uniform(0.1, 0.5)
-        wanted = stroke_speeds(speed, tuple(ends), int(rng.integers(8, 13)), *timing)
-        seen = follow_path(joint, fault, float(ends[0]), wanted)
-        settled = np.convolve(np.abs(wanted) == speed, np.ones(round(0.2 / CONTROL_S)))[
-            : wanted.size
-        ]
-        is_flat = settled > 0.2 / CONTROL_S - 1
+        seen, wanted = run_strokes(joint, fault, ends, int(rng.integers(8, 13)), *timing)
+        window = np.ones(round(_SETTLING_S / CONTROL_S))
+        is_flat = (
+            np.convolve(np.abs(wanted) == joint.speed, window)[: wanted.size] > window.size - 1
+        )
         if np.abs(seen[is_flat, 0] / wanted[is_flat] - 1).max() < _LARGEST:
             break
     return log_turns(rng, joint, gear_ratio, fault, seen)

@@ -187,10 +187,13 @@ class Minima(NamedTuple):
     # Chi squared per number, below which a joint fits, even if what is no joint makes so much of the speed's noise that
     # it leaves still less.
     fitting: float
+    # Chi squared per number, at least: noise of the speed, which rings the load, moves a few strokes' backlash by more
+    # than what they leave of the torque says.
+    least_scale: float
 
 
-OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95), 0.0)
-OF_STROKES = Minima(100.0, 12, tuple(np.linspace(0.0, 1.0, 25)), 1.0)
+OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95), 0.0, 1.0)
+OF_STROKES = Minima(33.0, 12, tuple(np.linspace(0.0, 1.0, 25)), 1.0, 3.0)
 
 
 class Problem(NamedTuple):
@@ -206,8 +209,8 @@ class Problem(NamedTuple):
         return self.compared.size
 
     def scale(self, chi2: float) -> float:
-        """Chi squared per number, which exceeds one where the model leaves more than noise; else one."""
-        return max(chi2 / self.size, 1.0)
+        """Chi squared per number, which exceeds one where the model leaves more than noise; else the least."""
+        return max(chi2 / self.size, self.minima.least_scale)
 
     def misfit(self, chi2: float) -> float:
         """By how many SDs chi squared exceeds what noise leaves."""
