@@ -44,6 +44,7 @@ CONTENTS = """
 /notebooks/glossary
 /notebooks/guide
 /notebooks/datasheet
+/notebooks/next_paper
 ```
 """
 # What scrolls can be reached by the keyboard.

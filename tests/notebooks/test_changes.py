@@ -135,7 +135,9 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
         (
             "05",
             {"seeds": 2},
-            "load_clean(12) → load_clean(12); record.v[900] += 3",
+            "load_clean(12) → load_clean(12)\n"
+            "late = {'v': record.v + 3 * (record.t == 1.8)}\n"
+            "record = type(record)(**(vars(record) | late))",
             r"largest at 1\.800 s\. After the first turn",
         ),
         ("05", {"seeds": 2}, "", "first turn begins with a transient"),
