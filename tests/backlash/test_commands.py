@@ -142,7 +142,8 @@ def test_help_says_which_movement_and_a_line_that_answers_on_the_example(
         command("estimate --help")
     text = " ".join(capsys.readouterr().out.split())
     assert "--gear-ratio 1" in text
-    assert "must turn round" in text
+    assert "four turns or more in one direction" in text
+    assert "moves to and fro through the position in which its load hangs" in text
     monkeypatch.chdir(tmp_path)
     line = re.search(r"backlash (example); backlash (estimate .*?) \.", text)
     assert [command(words) for words in line.groups()] == [0, 0]
