@@ -10,12 +10,13 @@ from backlash.example import EXAMPLE_OPTIONS
 from backlash.refusals import one_line, option_of, unit_of
 
 _ABOUT = (
-    "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint turns "
-    "round, four turns or more in one direction (twelve are good), or, with end stops, moves to and fro through the "
-    "position in which its load hangs down, 60 to 90 degrees to either side at 1 to 2 rad/s, 8 to 12 strokes: at "
-    "constant speed, about a horizontal axis, with an off-centre load whose gravity is above its friction. All other "
-    "axes are held still, base and arm are stiff beside the payload, the gear is warm. Strokes tell the backlash at the "
-    "hanging position. Its errors are known from simulated joints alone, with turns of 0.5 to 2.5 s; slower ones tell less."
+    "Backlash, half of the total play, of a robot's joint from logs of the motor's encoder and torque. The joint "
+    "turns round, four turns or more in one direction (twelve are good), or, with end stops, moves to and fro through"
+    " the position in which its load hangs down, 60 to 90 degrees to either side at 1 to 2 rad/s, 8 to 12 strokes: at"
+    " constant speed, about a horizontal axis, with an off-centre load whose gravity is above its friction. All other"
+    " axes are held still, base and arm are stiff beside the payload, the gear is warm. Strokes tell the backlash at "
+    "the hanging position. Its errors are known from simulated joints alone, with turns of 0.5 to 2.5 s; slower ones "
+    "tell less."
 )
 _STATUS = (
     "Exit status: 0 done, also where it cannot tell, 1 a defect, 2 unusable input, 130 interrupted."
@@ -27,16 +28,15 @@ _EXAMPLE = (
     "backlash, with the value that it is less than; or why it cannot tell."
 )
 _WRONG = (
-    'What can go wrong is told by "cannot tell" and its reason: "not constant speed", fewer than three strokes each way '
-    'at one speed, or an override that changes; "no gravity in the torque", a vertical axis, a balanced load, a torque '
-    'of the wrong sign or motor; "no load reversal seen", friction and losses above gravity, which keep the teeth on one flank; "wrong period", '
-    'another gear ratio; "turns differ", another axis moves; "no joint fits", wrong load data, an arm whose own '
-    "resonance, 6 to 15 Hz, shows in the torque (as in most logs of wrists), a belt, an error of the gear, a torque "
-    "logged late; "
-    '"too noisy", "two backlashes fit", too few turns or samples. Often not seen are wrong load data that fit '
-    "nevertheless, and an error of the gear that is sampled too slowly: compare the printed stiffness, efficiency and "
-    'friction with the data sheet. Without a torque the answer is "no torque", with the paper\'s index A: compare it '
-    "only with logs of the same joint in the same movement. "
+    'What can go wrong is told by "cannot tell" and its reason: "not constant speed", fewer than three strokes each '
+    'way at one speed, or an override that changes; "no gravity in the torque", a vertical axis, a balanced load, a '
+    'torque of the wrong sign or motor; "no load reversal seen", friction and losses above gravity, which keep the '
+    'teeth on one flank; "wrong period", another gear ratio; "turns differ", another axis moves; "no joint fits", '
+    "wrong load data, an arm whose own resonance, 6 to 15 Hz, shows in the torque (as in most logs of wrists), a "
+    'belt, an error of the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. '
+    "Often not seen are wrong load data that fit nevertheless, and an error of the gear that is sampled too slowly: "
+    'compare the printed stiffness, efficiency and friction with the data sheet. Without a torque the answer is "no '
+    "torque\", with the paper's index A: compare it only with logs of the same joint in the same movement. "
 )
 _TORQUE = (
     "--torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio and --gravity. "
