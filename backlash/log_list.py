@@ -115,12 +115,9 @@ def _read_file(name: str) -> pd.DataFrame:
     first = text.partition("\n")[0]
     check_size(text.count("\n"), len(first))
     delimiter = next((mark for mark in ",;\t" if mark in first), ",")
-    header, *rows = csv.reader(io.StringIO(text), delimiter=delimiter)
-    names = [name or str(k) for k, name in enumerate(header)]
-    width = len(names)
-    filled = [row + [""] * (width - len(row)) for row in rows if any(row)]
-    cells = [[*row[:width], delimiter.join(row[width:])] for row in filled]
-    return pd.DataFrame(cells, columns=[*names, BEYOND], dtype=str).replace("", None)
+    rows = csv.DictReader(io.StringIO(text), delimiter=delimiter, restkey=BEYOND)
+    table = pd.DataFrame([*rows], columns=[*filter(None, rows.fieldnames or ()), BEYOND])
+    return table.replace("", None).dropna(how="all")
 
 
 def keys_of(table: pd.DataFrame) -> pd.DataFrame:
@@ -140,8 +137,8 @@ def options_of(row: Mapping[Any, Any]) -> dict[str, Any]:
     Refusal
         A cell is not what its column holds.
     """
-    if not pd.isna(beyond := row.get(BEYOND)):
-        raise Refusal(f"{str(beyond)[:40]!r} stands beyond the header's columns; a decimal comma?")
+    if isinstance(beyond := row.get(BEYOND), list) and any(beyond):
+        raise Refusal(f"{beyond[0][:40]!r} stands beyond the header's columns; a decimal comma?")
     if not (row.get("is_dated", True) or pd.isna(row["date"])):
         raise Refusal(f"date is {str(row['date'])[:40]!r}, no date like 2024-03-17")
     return {

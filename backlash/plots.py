@@ -46,10 +46,8 @@ def estimate_figure(answer: Estimate) -> Figure:
     title = fill(f"(a) {one_line(answer.summary)}", _TITLE_LETTERS)
     above.set(xlim=(middle - half, middle + half), title=title)
     above.set(xlabel="time [s]", ylabel=trace.signal)
-    residual = trace.measured - trace.model
-    share = residual.std() / trace.measured.std()
-    below.plot(t, residual, color="C1", linewidth=0.7)
-    below.set(xlim=(0, t[-1]), title=f"(b) what is left, {share:.1%} of the measured SD")
+    below.plot(t, trace.measured - trace.model, color="C1", linewidth=0.7)
+    below.set(xlim=(0, t[-1]), title="(b) what the model leaves")
     below.set(xlabel="time [s]", ylabel=f"residual {trace.signal[trace.signal.find('[') :]}")
     figure.legend(loc="outside lower center", ncols=2)
     return figure

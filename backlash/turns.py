@@ -32,7 +32,6 @@ _PHASES = 512
 _PARTS = 16  # of a turn, at one of which a record ends
 # By which rounded periods, of sampling and of the turn, drift over a record at most: a twelfth of what blurs a ring.
 _ROUNDED_S = 2e-4
-_RING_HZ = 60.0  # no joint rings faster
 _BETTER = 1.05  # energy of the mean turn by another period, over that by the one given
 
 
@@ -186,12 +185,8 @@ def period_by_energy(recording: Recording, signal: FloatArray) -> float:
     tried = given * (1 + np.linspace(-reach, reach, 81))
     turns = int(recording.t[-1] / given)
     phases = np.arange(_PHASES) / _PHASES + np.arange(turns)[:, None]
-    # Up to the ring: the motor's own orders are no property of the load's turn.
-    last = min(int(_RING_HZ * given), _PHASES // 4)
-    energy = np.empty(tried.size)
-    for k, period in enumerate(tried):
-        rows = np.interp(period * phases, recording.t, signal - signal.mean())
-        energy[k] = np.square(np.abs(np.fft.rfft(rows.mean(axis=0))[1 : last + 1])).sum()
+    mean_turns = (np.interp(period * phases, recording.t, signal).mean(axis=0) for period in tried)
+    energy = np.array([turn.var() for turn in mean_turns])
     best = int(energy.argmax())
     return float(tried[best]) if energy[best] > _BETTER * energy[tried.size // 2] else given
 

@@ -125,11 +125,6 @@ def _hold(log, rng):
     return log.assign(**{name: log[name].to_numpy()[at] for name in log.columns[1:]})
 
 
-def _interpolate(x, rng):
-    k = np.arange(x.size)
-    return np.interp(k, k[::4], x[::4])
-
-
 def _average(x, rng):
     width = int(rng.integers(4, 9))
     return np.convolve(np.pad(x, (width - 1, 0), "edge"), np.full(width, 1 / width), "valid")
@@ -144,7 +139,6 @@ RULES: dict[str, tuple[str, Damage]] = {
     ),
     "stray torque": ("samples of the torque stray", _change(2, _stray)),
     "held values": (" stands for ", _hold),
-    "interpolated torque": (" lies on lines for ", _change(2, _interpolate)),
     "torque a running mean of 4 to 8 samples": ("a running mean", _change(2, _average)),
     "clipped torque": (
         "is clipped at",

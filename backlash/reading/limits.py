@@ -61,10 +61,6 @@ class Limits:
     least_held: float = 0.25  # of the values, that stand more than one sample
     longest_hold: int = 50  # samples; what stands longer rests, or is frozen
     most_regular: float = 0.95
-    least_lines: float = 0.4  # of the samples, that lie on the line through their neighbours
-    most_in_three: float = (
-        0.25  # of the samples off such lines, that have two such neighbours: at knots none have
-    )
     least_values: int = 16  # of a signal that is not merely coarse
     # Samples at a limit over those at a level beside it; of a sine that is rounded 2.4 at most.
     least_piled: float = 4.0

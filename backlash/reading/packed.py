@@ -66,25 +66,9 @@ def read_parquet(content: bytes) -> pd.DataFrame:
 
 
 def read_parquet_text(content: bytes) -> pd.DataFrame:
-    """Read all of a small Parquet file; text stays packed, so that a long one that is repeated is held once."""
-    types = library("pyarrow", "parquet").types
+    """Read all of a small Parquet file, of whose texts a few bytes may repeat a long one, some rows at a time."""
     with _unpacking():
-        schema = _schema_of(content)
-        texts = [f.name for f in schema if types.is_large_string(f.type) or types.is_string(f.type)]
-        table = _read_rows(content, schema.names, read_dictionary=texts)
-        if sum(map(_unpacked_bytes, table.select(texts).columns)) > LIMITS.most_list_bytes:
-            raise Refusal(f"its texts unpack to more than {LIMITS.most_list_bytes // 2**20} MiB")
-        return table.to_pandas()
-
-
-def _unpacked_bytes(column: Any) -> int:
-    """Bytes of a column of texts, each of which is held once."""
-    compute = library("pyarrow.compute", "parquet")
-    of_chunks = [
-        compute.sum(compute.binary_length(chunk.dictionary).take(chunk.indices)).as_py()
-        for chunk in column.chunks
-    ]
-    return sum(each or 0 for each in of_chunks)
+        return _read_rows(content, _schema_of(content).names, batch_size=64).to_pandas()
 
 
 def _schema_of(content: bytes) -> Any:
@@ -92,16 +76,19 @@ def _schema_of(content: bytes) -> Any:
     return parquet.read_schema(io.BytesIO(content))
 
 
-def _read_rows(content: bytes, columns: list[str], **options: Any) -> Any:
+def _read_rows(content: bytes, columns: list[str], batch_size: int = 2**16) -> Any:
     """Read some columns of a Parquet table, row by row: its footer may say that there are fewer than there are."""
     parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
-    batches, rows = [], 0
-    with parquet.ParquetFile(io.BytesIO(content), **options) as file:
+    batches, rows, size = [], 0, 0
+    with parquet.ParquetFile(io.BytesIO(content)) as file:
         width = max(len(file.schema_arrow), 1)
         check_size(file.metadata.num_rows, width)
-        for batch in file.iter_batches(columns=columns, use_threads=False):
+        for batch in file.iter_batches(batch_size, columns=columns, use_threads=False):
             rows += batch.num_rows
             check_size(rows, width)
+            size += batch.nbytes
+            if size > LIMITS.most_bytes:
+                raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
             batches.append(batch)
         return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
 

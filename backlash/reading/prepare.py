@@ -53,7 +53,7 @@ def open_log(
 def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
     """A refusal, or the cause that lies before it; with what else may be wrong."""
     if samples.suspects and samples.suspects[0].is_of_movement:
-        return samples.suspects[0].refusal()
+        return samples.suspects[0].refusal
     cell = table.doubtful.get(samples.columns.signal)
     if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
         whole = re.sub("[.,]", "", cell)

@@ -28,15 +28,11 @@ def runs_of(signal: FloatArray) -> Runs:
 
 
 class Suspect(NamedTuple):
-    """Samples whose values may be none of a measurement."""
+    """Samples whose values may be none of a measurement, and why a log cannot be used that has them."""
 
-    t: pd.Series  # by rows
-    what: str  # with a place for their count
+    t: FloatArray
+    refusal: Refusal
     is_of_movement: bool  # of the speed or position
-
-    def refusal(self) -> Refusal:
-        """Why a log cannot be used that has them."""
-        return Refusal(self.what.format(count=self.t.size), row=self.t.index[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +74,8 @@ class Samples:
 
     def suspecting(self, name: str, chosen: slice | NDArray[np.int64], what: str) -> Self:
         """The same samples with some of them suspected in the signal of a name."""
-        suspect = Suspect(pd.Series(self.t, self.rows).iloc[chosen], what, name != "torque")
+        refusal = Refusal(what, row=self.rows[chosen][0])
+        suspect = Suspect(self.t[chosen], refusal, name != "torque")
         return replace(self, suspects=(*self.suspects, suspect))
 
     def noting(self, note: str) -> Self:

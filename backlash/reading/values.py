@@ -1,4 +1,4 @@
-"""Values that no motor has or no logger measured: zeros between, stray, frozen, clipped, held and interpolated ones."""
+"""Values that no motor has or no logger measured: zeros between, stray, frozen, clipped and held ones."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ def mark_strays(samples: Samples) -> Samples:
         strays = _single_strays(away, max(reach, LIMITS.stray_deviations * np.median(away)))
         if strays.size:
             what = (
-                f"{{count}} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
+                f"{strays.size} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
                 f"{torque[max(strays[0] - 1, 0)]:.4g}; mend them, or leave their cells empty"
             )
             samples = samples.suspecting("torque", strays, what)
@@ -80,7 +80,7 @@ def mark_frozen(samples: Samples) -> Samples:
         is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
         for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
             what = (
-                f"the {name} stands at {signal[start]:.6g} in {{count}} samples one after another: frozen, or a "
+                f"the {name} stands at {signal[start]:.6g} in {length} samples one after another: frozen, or a "
                 "stand-in for missing values; cut the log there"
             )
             samples = samples.suspecting(name, slice(start, start + length), what)
@@ -101,7 +101,7 @@ def mark_clipped(samples: Samples) -> Samples:
             is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
             if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
                 what = (
-                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {{count}} samples; log "
+                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples; log "
                     "it with a wider range, or move slower"
                 )
                 samples = samples.suspecting(name, np.flatnonzero(at), what)
@@ -109,12 +109,12 @@ def mark_clipped(samples: Samples) -> Samples:
 
 
 def keep_new_values(samples: Samples) -> Samples:
-    """Keep the rows that have new values, where a logger repeats the last one, or draws lines between two."""
+    """Keep the rows that have new values, where a logger repeats the last one."""
     slowest, how = np.ones(samples.t.size, dtype=bool), ""
     for name, signal in samples.named_signals():
-        for kind, is_new in (("stands", _is_not_held(signal)), ("lies on lines", _is_knot(signal))):
-            if is_new.sum() < slowest.sum():
-                slowest, how = is_new, f"the {name} {kind}"
+        is_new = _is_not_held(signal)
+        if is_new.sum() < slowest.sum():
+            slowest, how = is_new, f"the {name} stands"
     if slowest.all():
         return samples
     thinned = samples.at(slowest)
@@ -151,23 +151,6 @@ def _is_not_held(signal: FloatArray) -> Mask:
     return is_new
 
 
-def _is_knot(signal: FloatArray) -> Mask:
-    """Samples that do not lie on the line through their neighbours, if many do."""
-    bend = np.abs(np.diff(signal, 2))
-    finest = finest_step(signal)
-    is_knot = np.ones(signal.size, dtype=bool)
-    is_bent = bend > 2.5 * finest
-    is_coarse = np.median(np.abs(np.diff(signal))) < 2.5 * finest
-    if is_coarse or is_bent.all() or is_bent.mean() > 1 - LIMITS.least_lines:
-        return is_knot
-    # Between knots there are lines; a motor that gains speed, or rings, bends the signal at each sample.
-    in_three = is_bent[2:] & is_bent[1:-1] & is_bent[:-2]
-    is_alone = in_three.mean() < LIMITS.most_in_three * is_bent.mean()
-    if is_alone and np.median(bend[is_bent]) > 4 * LIMITS.least_leap * finest:
-        is_knot[1:-1] = is_bent
-    return is_knot
-
-
 def refuse_speed_spikes(samples: Samples) -> Samples:
     """Refuse single samples of the speed that no motor could follow."""
     v, t = samples.v, samples.t
@@ -187,7 +170,6 @@ def refuse_speed_spikes(samples: Samples) -> Samples:
 def refuse_suspects(samples: Samples) -> Samples:
     """Refuse what was suspected within the samples that are used."""
     for suspect in samples.suspects:
-        used = suspect.t[suspect.t.between(samples.t[0], samples.t[-1])]
-        if used.size:
-            raise suspect._replace(t=used).refusal()
+        if ((suspect.t >= samples.t[0]) & (suspect.t <= samples.t[-1])).any():
+            raise suspect.refusal
     return samples

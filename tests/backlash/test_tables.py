@@ -317,8 +317,8 @@ def test_texts_of_a_table_of_logs_are_bounded_by_what_they_unpack_to(tmp_path, m
     table = pd.DataFrame({"file": ["x" * 1000] * 1000})
     table.to_parquet(tmp_path / "plant.parquet")
     assert len(read_rows(tmp_path / "plant.parquet")) == 1000
-    monkeypatch.setattr(packed, "LIMITS", replace(LIMITS, most_list_bytes=999_999))
-    with pytest.raises(Refusal, match="texts unpack to more than"):
+    monkeypatch.setattr(packed, "LIMITS", replace(LIMITS, most_bytes=999_999))
+    with pytest.raises(Refusal, match="it unpacks to more than"):
         read_rows(tmp_path / "plant.parquet")
     monkeypatch.setattr(log_list, "LIMITS", replace(LIMITS, most_logs=999))
     with pytest.raises(Refusal, match="1,000 logs, more than 999; split the table"):

@@ -67,10 +67,6 @@ REFUSED = {
         frame(torque=TORQUE[np.maximum.accumulate(np.where(RNG.random(T.size) < 0.3, K, 0))]),
         "new values a second, at uneven instants",
     ),
-    "lines between values": (
-        frame(torque=np.interp(T, T[::3], TORQUE[::3])),
-        "the torque lies on lines for 3.1 samples in the mean: 159 new values a second",
-    ),
     "rows where the speed changed": (
         frame(V.round(1)).iloc[np.append(True, np.diff(V.round(1)) != 0)],
         "its rows stand only where speed [rps] changed",
@@ -108,6 +104,9 @@ SOUND = {
     "both rounded": frame(V.round(1), TORQUE.round(1)),
     "whole rpm": frame(np.floor(60 * V) / 60),
     "turns that are the same": frame(np.concatenate([V[:1200], V[:1201]])),
+    "lines between values, by which right answers stay right": frame(
+        torque=np.interp(T, T[::3], TORQUE[::3])
+    ),
     "a smooth speed": frame(SMOOTH),
     "a smooth speed as float32": frame(SMOOTH.astype("float32")),
     "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[999:1002:2].mean() + 0.001)),
