@@ -177,10 +177,6 @@ def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
     optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
 
 
-DESCENTS: dict[str, Descent] = {
-    name: partial(_minimize, method=name) for name in ("L-BFGS-B", "Nelder-Mead")
-}
-STARTS = {"one start": 1, "fifty starts along t0": 50}
 # By name, what kind each is and how it searches.
 RANDOM: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
@@ -192,13 +188,15 @@ for name, algorithm in SWARMS.items():
     RANDOM[f"{name}, population 300"] = "swarm", swarm
 for name, algorithm in SWARMS.items():
     RANDOM[f"{name}, its own population"] = "swarm", partial(_swarm, algorithm=algorithm)
-for name, descend in {"least squares": _least_squares, **DESCENTS}.items():
-    RANDOM[f"{name}, restarted"] = "classical", partial(_restarted, descend=descend)
+RANDOM["least squares, restarted"] = "classical", partial(_restarted, descend=_least_squares)
 # They run once on each of the fifty public records of low noise.
 DETERMINISTIC: dict[str, tuple[str, Method]] = {}
-for (name, descend), (start, starts) in product(DESCENTS.items(), STARTS.items()):
-    search_from = partial(_from_grid, descend=descend, starts=starts)
-    DETERMINISTIC[f"{name}, {start}"] = "classical", search_from
+for name in ("L-BFGS-B", "Nelder-Mead"):
+    descend: Descent = partial(_minimize, method=name)
+    RANDOM[f"{name}, restarted"] = "classical", partial(_restarted, descend=descend)
+    for starts, number in (("one start", 1), ("fifty starts along t0", 50)):
+        search_from = partial(_from_grid, descend=descend, starts=number)
+        DETERMINISTIC[f"{name}, {starts}"] = "classical", search_from
 DETERMINISTIC["DIRECT"] = "classical", _rectangles
 DETERMINISTIC["grid and simplex descents, A and v_t solved"] = "prepared", _grid_then_simplex
 SEARCH_METHODS = RANDOM | DETERMINISTIC

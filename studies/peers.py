@@ -19,14 +19,15 @@ from scipy import optimize
 from replication import published, table2
 from replication.best_fit import best_fit
 from replication.cmaes import generations, search
-from replication.misfit import PROJECTED, cost, fold, project
+from replication.misfit import PROJECTED, fold, project
 from replication.records import Recording, add_noise, simulate_clean
 from replication.signature import Box, FloatArray
 from replication.table2 import BASIN_GAP, NOTEBOOK, RPM_600
+from studies.optimizers import BUDGET, POPULATION, Cost
 
 # From members of shape (population, n) to their misfits.
 Misfits = Callable[[FloatArray], Any]
-POPULATION = NOTEBOOK.population
+RUNS, SLOW_RUNS = 20, 6
 
 
 def make_records() -> list[Recording]:
@@ -102,11 +103,10 @@ def run_differential_evolution(misfits: Misfits, box: Box, seed: int, iterations
     )
 
 
-def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
+def compare_peers() -> pd.DataFrame:
     """Rows of `peers.csv`: CPU time of a run, how many find the best minimum, CPU time to find it with 99 %."""
     record = make_records()[4]
     box = table2.search_box(record, NOTEBOOK)
-    misfits = cost(record.t, record.v, NOTEBOOK.timing)
     folded = fold(record.t, record.v, NOTEBOOK.timing)
     five = Box(box.lower[PROJECTED], box.upper[PROJECTED])
 
@@ -117,37 +117,32 @@ def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
         return search(generations(projected, five, seed, RPM_600.population), 200).misfit
 
     def lowest_of(peer: Callable[..., Any], seed: int) -> float:
-        lowest = []
+        cost = Cost(record, 0.0, RUNS * BUDGET)  # which no run spends
+        peer(cost.of_members, box, seed, NOTEBOOK.iterations)
+        return cost.best
 
-        def watched(members: FloatArray) -> FloatArray:
-            costs = misfits(members)
-            lowest.append(float(costs.min()))
-            return costs
-
-        peer(watched, box, seed, NOTEBOOK.iterations)
-        return min(lowest)
-
-    methods: dict[str, tuple[int, Callable[[int], float]]] = {
-        "ours, five projected parameters, 600": (runs, ours),
-        "ours, 600": (runs, lambda seed: table2.fit(record, RPM_600, seed).rmse),
-        "ours": (runs, lambda seed: table2.fit(record, NOTEBOOK, seed).rmse),
+    quick: dict[str, Callable[[int], float]] = {
+        "ours, five projected parameters, 600": ours,
+        "ours, 600": lambda seed: table2.fit(record, RPM_600, seed).rmse,
+        "ours": lambda seed: table2.fit(record, NOTEBOOK, seed).rmse,
     }
     if find_spec("fcmaes"):
-        methods["fcmaes (C++)"] = runs, partial(lowest_of, run_fcmaes)
+        quick["fcmaes (C++)"] = partial(lowest_of, run_fcmaes)
     slow = {
-        "differential evolution (SciPy)": run_differential_evolution,
-        "cma": run_cma,
-        "cmaes": run_cmaes,
+        "differential evolution (SciPy)": partial(lowest_of, run_differential_evolution),
+        "cma": partial(lowest_of, run_cma),
+        "cmaes": partial(lowest_of, run_cmaes),
     }
-    methods |= {name: (slow_runs, partial(lowest_of, peer)) for name, peer in slow.items()}
     limit = best_fit(record).rmse * (1 + BASIN_GAP)
-    rows = [time_search(name, *method, limit) for name, method in methods.items()]
+    rows = [
+        {"search": name, **time_search(run, runs, limit)}
+        for searches, runs in ((quick, RUNS), (slow, SLOW_RUNS))
+        for name, run in searches.items()
+    ]
     return pd.DataFrame(rows)
 
 
-def time_search(
-    name: str, runs: int, run: Callable[[int], float], limit: float
-) -> dict[str, str | float]:
+def time_search(run: Callable[[int], float], runs: int, limit: float) -> dict[str, float]:
     """Run a search with the seeds 1 to `runs`; it found the best minimum where its misfit is within a limit."""
     run(1)
     begun = process_time()
@@ -158,7 +153,6 @@ def time_search(
     share = (best + 0.5) / (runs + 1)
     needed = max(1.0, np.log(0.01) / np.log(1 - share))
     return {
-        "search": name,
         "runs": runs,
         "best_minimum": best,
         "seconds_a_run": seconds,

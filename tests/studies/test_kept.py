@@ -32,9 +32,9 @@ def check(rows):
         head, *lines = (RESULTS / f"{name}.csv").read_text("utf-8").splitlines()
         kept += [head, *(lines[position] for position in positions)]
     arguments = [f"{name}:{','.join(map(str, positions))}" for name, positions in rows.items()]
-    command = [sys.executable, "-m", "studies.kept", *arguments]
+    command = [sys.executable, "-m", "studies", *arguments]
     made = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
-    again = " and ".join({KEPT[name].command for name in rows})
+    again = " and ".join({f"make studies NAME={KEPT[name].study}" for name in rows})
     assert made.stdout.splitlines() == kept, f"{again} makes the table again"
 
 
