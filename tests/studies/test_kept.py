@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from replication.compilation import pinned_environment
 from replication.files import KEPT_SHA256, ROOT, UserError, check_kept, write_kept
 from studies.kept import KEPT, TIMED
 from workbook.project import notebook_sources
@@ -32,10 +33,11 @@ def check(rows):
         head, *lines = (RESULTS / f"{name}.csv").read_text("utf-8").splitlines()
         kept += [head, *(lines[position] for position in positions)]
     arguments = [f"{name}:{','.join(map(str, positions))}" for name, positions in rows.items()]
-    command = [sys.executable, "-m", "studies", *arguments]
-    made = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
+    command = [sys.executable, "-m", "studies.kept", *arguments]
+    pinned = os.environ | pinned_environment()
+    ran = subprocess.run(command, cwd=ROOT, env=pinned, stdout=subprocess.PIPE, check=True)
     again = " and ".join({f"make studies NAME={KEPT[name].study}" for name in rows})
-    assert made.stdout.splitlines() == kept, f"{again} makes the table again"
+    assert ran.stdout.decode().splitlines() == kept, f"{again} makes the table again"
 
 
 def find_lacking(name):
