@@ -119,37 +119,47 @@ def answer(log: JointLog, row: Mapping[str, Any]) -> Estimate:
     )
 
 
+def smooth_speed(log: JointLog) -> FloatArray:
+    """The speed that a rigid load follows."""
+    speed: FloatArray = gaussian_filter1d(log.speed, _SMOOTHING_S / np.median(np.diff(log.t)))
+    return speed
+
+
+def regress(terms: FloatArray, y: FloatArray, block: int) -> tuple[Any, Any]:
+    """Coefficients of a linear regression, and SDs for which the residuals of a block count as one."""
+    coefficients = np.linalg.lstsq(terms, y, rcond=None)[0]
+    whole = len(y) // block * block
+    scores = (y - terms @ coefficients)[:, None] * terms
+    scores = scores[:whole].reshape(-1, block, terms.shape[1]).sum(axis=1)
+    bread = np.linalg.pinv(terms.T @ terms)
+    return coefficients, np.sqrt(np.diag(bread @ scores.T @ scores @ bread))
+
+
 def fit_rigid_load(log: JointLog) -> pd.Series:
     """Regress the torque on a rigid load under gravity, friction and a loss in the gear; with the loss's SD.
 
     `gravity` is in the torque's unit, with the angle `zero` at which it has none; `friction`, and what is `left` with
     and without a loss, are over gravity.
     """
-    speed = gaussian_filter1d(log.speed, _SMOOTHING_S / np.median(np.diff(log.t)))
+    speed = smooth_speed(log)
     moving, acceleration = np.tanh(speed / _REST_RAD_S), np.gradient(speed, log.t)
-    terms = np.array(
-        [np.sin(log.angle), np.cos(log.angle), acceleration, moving, speed, np.ones_like(speed)]
-    ).T
-    lossless = np.linalg.lstsq(terms, log.torque, rcond=None)[0]
+    sine, cosine = np.sin(log.angle), np.cos(log.angle)
+    terms = np.array([sine, cosine, acceleration, moving, speed, np.ones_like(speed)]).T
+    block = max(int(_BLOCK_S / np.median(np.diff(log.t))), 1)
+    lossless, _ = regress(terms, log.torque, block)
     gravity = float(np.hypot(*lossless[:2]))
     # A share of the torque that the gear carries, against the movement.
     carried = np.abs(terms[:, :2] @ lossless[:2]) * moving
     design = np.column_stack([terms, carried])
-    unknowns = np.linalg.lstsq(design, log.torque, rcond=None)[0]
-    left = log.torque - design @ unknowns
-    size = max(int(_BLOCK_S / np.median(np.diff(log.t))), 1)
-    blocks = len(left) // size
-    scores = (left[:, None] * design)[: blocks * size].reshape(blocks, size, -1).sum(axis=1)
-    bread = np.linalg.pinv(design.T @ design)
-    sd = np.sqrt(np.diag(bread @ scores.T @ scores @ bread))[-1]
+    unknowns, sds = regress(design, log.torque, block)
     return pd.Series(
         {
             "gravity": gravity,
             "friction": unknowns[3] / gravity,
             "zero": float(np.arctan2(-lossless[1], lossless[0])),
             "loss": unknowns[-1],
-            "loss_sd": sd,
-            "left": left.std() / gravity,
+            "loss_sd": sds[-1],
+            "left": (log.torque - design @ unknowns).std() / gravity,
             "left_lossless": (log.torque - terms @ lossless).std() / gravity,
         }
     )
@@ -157,7 +167,7 @@ def fit_rigid_load(log: JointLog) -> pd.Series:
 
 def longest_way(log: JointLog) -> float:
     """The longest movement one way, in turns of the load; the sensor needs four."""
-    speed = gaussian_filter1d(log.speed, _SMOOTHING_S / np.median(np.diff(log.t)))
+    speed = smooth_speed(log)
     direction = np.sign(np.where(np.abs(speed) > _REST_RAD_S, speed, 0.0))
     ways = np.split(log.angle, np.flatnonzero(np.diff(direction)) + 1)
     return float(max(np.ptp(way) for way in ways) / TURN)
@@ -182,25 +192,21 @@ def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
 
     Regressed beside torque, speed, acceleration and angle; residuals of half a second count as one.
     """
-    blocks = np.concatenate([_block_motion(log) for log in logs])
-    X, parted = blocks[..., :-1], blocks[..., -1]
-    terms = X.reshape(-1, X.shape[-1])
-    bread = np.linalg.inv(terms.T @ terms)
-    found = bread @ terms.T @ parted.ravel()
-    scores = np.einsum("ijk,ij->ik", X, parted - X @ found)
-    deviation = np.sqrt(np.diag(bread @ scores.T @ scores @ bread))
-    half = stats.t.ppf(0.975, len(scores) - 1) * deviation
-    table = {"coefficient_rad": found, "low_rad": found - half, "high_rad": found + half}
-    by_sign = pd.DataFrame(table)[:2].set_axis(["sign of torque", "sign of speed"])
+    block = round(_BLOCK_S / (logs[0].t[1] - logs[0].t[0]))
+    z = np.concatenate([_list_motion(log, block) for log in logs])
+    terms, parted = z[:, :-1], z[:, -1]
+    coefficients, sds = regress(terms, parted, block)
+    half = stats.t.ppf(0.975, len(z) // block - 1) * sds
+    ends = {"low_rad": coefficients - half, "high_rad": coefficients + half}
+    table = pd.DataFrame({"coefficient_rad": coefficients, **ends})
+    by_sign = table[:2].set_axis(["sign of torque", "sign of speed"])
     return by_sign[terms[:, :2].var(axis=0) > _LEAST_VARIANCE]
 
 
-def _block_motion(log: JointLog) -> FloatArray:
-    """Terms of a log's lost motion and, last, by how much motor and load part, less their means, by block."""
+def _list_motion(log: JointLog, block: int) -> FloatArray:
+    """Terms of a log's lost motion and, last, by how much motor and load part, less their means, in whole blocks."""
     acceleration = np.gradient(gaussian_filter1d(log.speed, 3), log.t)
     signs = np.sign(log.torque), np.sign(log.speed)
     parted = log.angle - log.load_angle
     z = np.array([*signs, log.torque, log.speed, acceleration, log.angle, parted]).T
-    size = round(_BLOCK_S / (log.t[1] - log.t[0]))
-    whole = len(z) // size * size
-    return (z - z.mean(axis=0))[:whole].reshape(-1, size, z.shape[1])
+    return (z - z.mean(axis=0))[: len(z) // block * block]

@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
-from replication.joint import Joint, from_ratios, ratios, simulate
+from replication.joint import Joint, change, from_ratios, ratios, simulate
 from replication.records import Recording, load_clean_records
 from replication.signature import FloatArray
 
@@ -45,7 +45,7 @@ class Identification(NamedTuple):
     """An identified joint and how well the records fix it."""
 
     joint: Joint
-    interval_95: dict[str, tuple[float, float]]  # of each ratio, from the linearised least squares
+    interval_95: dict[str, list[float]]  # of each ratio, from the linearised least squares
     correlation: pd.DataFrame  # of the ratios' estimates
     nrmse: float  # root of the mean over the levels of the squared normalised RMSE
 
@@ -94,15 +94,12 @@ def identify_joint(records: Records, start: Joint) -> Identification:
     ValueError
         See `errors_in_turn`.
     """
-    old = ratios(start)
-    names = [name for name in old if name != "lead"]
-    fields = {name: getattr(start, name) for name in ("alpha", "clamped", "period", "delay")}
+    names = [name for name in ratios(start) if name != "lead"]
+    values = np.array([ratios(start)[name] for name in names])
+    size = np.concatenate(errors_in_turn(start, records, 3)).size
 
     def scaled(factors: FloatArray) -> Joint:
-        moved = {name: old[name] * factor for name, factor in zip(names, factors, strict=True)}
-        return from_ratios(old | moved, start.N, Omega=start.Omega, **fields)
-
-    size = np.concatenate(errors_in_turn(start, records, 3)).size
+        return change(start, dict(zip(names, factors.tolist(), strict=True)))
 
     def residual(factors: FloatArray) -> FloatArray:
         try:
@@ -118,13 +115,10 @@ def identify_joint(records: Records, start: Joint) -> Identification:
     sd = np.sqrt(np.diag(inverse))
     degrees = size - len(names)
     half = stdtrit(degrees, 0.975) * np.sqrt(2 * fit.cost / degrees) * sd
-    joint = scaled(fit.x)
-    intervals = {
-        name: tuple(sorted((old[name] * (x - h), old[name] * (x + h))))
-        for name, x, h in zip(names, fit.x.tolist(), half.tolist(), strict=True)
-    }
+    ends = np.sort(values * [fit.x - half, fit.x + half], axis=0)
+    intervals = dict(zip(names, ends.T.tolist(), strict=True))
     correlation = pd.DataFrame(inverse / np.outer(sd, sd), index=names, columns=names)
-    return Identification(joint, intervals, correlation, np.sqrt(2 * fit.cost / size))
+    return Identification(scaled(fit.x), intervals, correlation, np.sqrt(2 * fit.cost / size))
 
 
 def identify_lead(records: Records, joint: Joint, leads: Iterable[float]) -> float:

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import count, product
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -22,7 +24,6 @@ from replication.cmaes import generations, search
 from replication.records import LOW_NOISE, Recording, load_noisy
 from replication.signature import FloatArray, Parameters, h
 from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, search_box
-from studies.intervals import rate_columns
 
 # What the authors' notebook spends: 300 members in 200 generations.
 POPULATION = 300
@@ -57,17 +58,12 @@ class Cost:
 
     def of_members(self, X: FloatArray) -> FloatArray:
         """Misfits [rps] of a population of shape (members, parameters), in the box's own units."""
-        misfits = self._misfits(X)
-        self._count(float(misfits.min()), misfits.size)
-        return misfits
+        return self._count(self._misfits(X))
 
     def of_shapes(self, unit: FloatArray) -> FloatArray:
         """Least misfits over A and v_t of shapes (t0, tau, omega, T2, T1) in the unit cube, shape (members, 5)."""
-        lower, upper = (end[misfit.PROJECTED] for end in self.box)
-        shapes = lower + np.clip(unit, 0.0, 1.0) * (upper - lower)
-        misfits = misfit.project(shapes, self._folded, self.box.upper[0])[1]
-        self._count(float(misfits.min()), misfits.size)
-        return misfits
+        shapes = self._in_box(unit, misfit.PROJECTED)
+        return self._count(misfit.project(shapes, self._folded, self.box.upper[0])[1])
 
     def __call__(self, unit: FloatArray) -> float:
         """Misfit [rps] at a point of the unit cube."""
@@ -78,28 +74,35 @@ class Cost:
         t, v = self._recording.t, self._recording.v
         X = Parameters(*self._in_box(unit))
         residuals = (v - X.v_t - h(t, X, NOTEBOOK.timing)) / math.sqrt(v.size)
-        self._count(math.sqrt(residuals @ residuals), 1)
+        self._count(np.sqrt([residuals @ residuals]))
         return residuals
 
-    def _in_box(self, unit: FloatArray) -> FloatArray:
-        return self.box.lower + np.clip(unit, 0.0, 1.0) * (self.box.upper - self.box.lower)
+    def _in_box(self, unit: FloatArray, part: Any = slice(None)) -> FloatArray:
+        lower, upper = self.box.lower[part], self.box.upper[part]
+        return lower + np.clip(unit, 0.0, 1.0) * (upper - lower)
 
-    def _count(self, misfit: float, evaluations: int) -> None:
-        self.evaluations += evaluations
-        self.best = min(self.best, misfit)
+    def _count(self, misfits: FloatArray) -> FloatArray:
+        self.evaluations += misfits.size
+        self.best = min(self.best, float(misfits.min()))
         if self.best <= self.target or self.evaluations >= self.budget:
             raise SearchEnded
+        return misfits
 
 
-# A way to search: spends a cost with a seed.
+# A way to search: spends a cost with a seed; and a local method, from a point of the unit cube.
 Method = Callable[[Cost, int], None]
+Descent = Callable[[Cost, FloatArray], Any]
 
 
-def _covariance(cost: Cost, seed: int, population: int, restarts: bool = False) -> None:
-    """CMA-ES from the middle of the box; restarts double the population (Auger and Hansen's IPOP, 2005)."""
-    for k in count() if restarts else (0,):
-        steps = generations(cost.of_members, cost.box, seed + 1000 * k, population * 2**k)
-        search(steps, cost.budget)
+def _covariance(cost: Cost, seed: int, population: int) -> None:
+    """CMA-ES from the middle of the box."""
+    search(generations(cost.of_members, cost.box, seed, population), cost.budget)
+
+
+def _doubled_covariance(cost: Cost, seed: int) -> None:
+    """CMA-ES whose restarts double the population (Auger and Hansen's IPOP, 2005)."""
+    for k in count():
+        _covariance(cost, seed + 1000 * k, OWN_POPULATION * 2**k)
 
 
 def _swarm(cost: Cost, seed: int, algorithm: str, **settings: int) -> None:
@@ -116,16 +119,14 @@ def _swarm(cost: Cost, seed: int, algorithm: str, **settings: int) -> None:
     getattr(basic, algorithm)(seed=seed, **settings).run(task)
 
 
-def _restarted(cost: Cost, seed: int, descend: Callable[[Cost, FloatArray], None]) -> None:
+def _restarted(cost: Cost, seed: int, descend: Descent) -> None:
     """A local method from random points of the box, over and over."""
     rng = np.random.default_rng(seed)
     while True:
         descend(cost, rng.random(cost.box.lower.size))
 
 
-def _from_grid(
-    cost: Cost, seed: int, descend: Callable[[Cost, FloatArray], None], starts: int
-) -> None:
+def _from_grid(cost: Cost, seed: int, descend: Descent, starts: int) -> None:
     """A local method from starts along t0, every other parameter in the middle of the box."""
     for t0 in (np.arange(starts) + 0.5) / starts:
         middle = np.full(cost.box.lower.size, 0.5)
@@ -133,44 +134,34 @@ def _from_grid(
         descend(cost, middle)
 
 
-# Points of the grid in t0 (within half a turn, after which the signature repeats with the other sign), tau, omega, T2
-# and T1, and first steps from them, as shares of the box.
-GRID = (40, 2, 16, 4, 4)
+# Points of the grid in tau, omega, T2 and T1, and in t0 within half a turn, after which the signature repeats with the
+# other sign; and first steps from them, as shares of the box.
+T0_POINTS, GRID = 40, (2, 16, 4, 4)
 STEPS = np.diag([0.001, 0.2, 0.05, 0.1, 0.15])
 
 
 def _grid_then_simplex(cost: Cost, seed: int) -> None:
     """Blind: a grid with A and v_t solved by least squares, descents from its best points, and again from theirs."""
 
-    def descend(start: FloatArray, steps: FloatArray) -> tuple[float, FloatArray]:
+    def descend(start: FloatArray, steps: FloatArray) -> optimize.OptimizeResult:
         simplex = np.vstack([start, start + steps])
-        end = optimize.minimize(
+        return optimize.minimize(
             lambda unit: float(cost.of_shapes(unit[None])[0]),
             start,
             method="Nelder-Mead",
             options={"initial_simplex": simplex, "xatol": 1e-5, "fatol": 1e-6, "maxfev": 300},
         )
-        return float(end.fun), end.x
 
-    axes = [(np.arange(points) + 0.5) / points for points in GRID]
     half_turn = NOTEBOOK.timing.T_d / (cost.box.upper[1] - cost.box.lower[1])
-    axes[0] = np.linspace(0, half_turn, GRID[0], endpoint=False)
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(GRID))
+    axes = [np.linspace(0, half_turn, T0_POINTS, endpoint=False)]
+    axes += [(np.arange(points) + 0.5) / points for points in GRID]
+    grid = np.array([*product(*axes)])
     parts = np.array_split(grid, len(grid) // POPULATION + 1)
     misfits = np.concatenate([cost.of_shapes(part) for part in parts])
-    starts = grid[np.argsort(misfits)[:60]]
-    ends = [descend(start, STEPS) for start in starts]
+    ends = [descend(start, STEPS) for start in grid[np.argsort(misfits)[:60]]]
     while True:
-        ends.sort(key=lambda end: end[0])
-        ends = [descend(start, sign * STEPS) for _, start in ends[:8] for sign in (1, -1)]
-
-
-def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
-    optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
-
-
-def _least_squares(cost: Cost, start: FloatArray) -> None:
-    optimize.least_squares(cost.residuals, start, bounds=(0, 1))
+        ends.sort(key=attrgetter("fun"))
+        ends = [descend(end.x, sign * STEPS) for end in ends[:8] for sign in (1, -1)]
 
 
 def _rectangles(cost: Cost, seed: int) -> None:
@@ -178,51 +169,53 @@ def _rectangles(cost: Cost, seed: int) -> None:
     optimize.direct(cost, cube, maxfun=2 * cost.budget, maxiter=cost.budget, vol_tol=0)
 
 
-def _local(method: str) -> Callable[[Cost, FloatArray], None]:
-    return partial(_minimize, method=method)
+def _least_squares(cost: Cost, start: FloatArray) -> None:
+    optimize.least_squares(cost.residuals, start, bounds=(0, 1))
 
 
-LOCAL = ("L-BFGS-B", "Nelder-Mead")
-STARTS = {"one start": 1, "fifty starts along t0": 50}
+def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
+    optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
+
+
 # By name, what kind each is and how it searches.
 RANDOM: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
     "CMA-ES, its own population": ("CMA-ES", partial(_covariance, population=OWN_POPULATION)),
-    "CMA-ES, its own population, restarts doubling it": (
-        "CMA-ES",
-        partial(_covariance, population=OWN_POPULATION, restarts=True),
-    ),
+    "CMA-ES, its own population, restarts doubling it": ("CMA-ES", _doubled_covariance),
 }
 for name, algorithm in SWARMS.items():
-    swarm = partial(_swarm, algorithm=algorithm)
-    RANDOM[f"{name}, population 300"] = "swarm", partial(swarm, population_size=POPULATION)
+    swarm = partial(_swarm, algorithm=algorithm, population_size=POPULATION)
+    RANDOM[f"{name}, population 300"] = "swarm", swarm
 for name, algorithm in SWARMS.items():
     RANDOM[f"{name}, its own population"] = "swarm", partial(_swarm, algorithm=algorithm)
 RANDOM["least squares, restarted"] = "classical", partial(_restarted, descend=_least_squares)
-for method in LOCAL:
-    RANDOM[f"{method}, restarted"] = "classical", partial(_restarted, descend=_local(method))
 # They run once on each of the fifty public records of low noise.
 DETERMINISTIC: dict[str, tuple[str, Method]] = {}
-for method, (name, starts) in product(LOCAL, STARTS.items()):
-    search_from = partial(_from_grid, descend=_local(method), starts=starts)
-    DETERMINISTIC[f"{method}, {name}"] = "classical", search_from
+for name in ("L-BFGS-B", "Nelder-Mead"):
+    descend: Descent = partial(_minimize, method=name)
+    RANDOM[f"{name}, restarted"] = "classical", partial(_restarted, descend=descend)
+    for starts, number in (("one start", 1), ("fifty starts along t0", 50)):
+        search_from = partial(_from_grid, descend=descend, starts=number)
+        DETERMINISTIC[f"{name}, {starts}"] = "classical", search_from
 DETERMINISTIC["DIRECT"] = "classical", _rectangles
 DETERMINISTIC["grid and simplex descents, A and v_t solved"] = "prepared", _grid_then_simplex
 SEARCH_METHODS = RANDOM | DETERMINISTIC
-# On twenty of them.
-DEAR = [method for method in DETERMINISTIC if "fifty" in method or method == "DIRECT"]
 
 
 def planned_runs() -> list[tuple[str, int, int, int]]:
     """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
     seeds = range(1, RUNS_PER_RECORD + 1)
-    jobs = []
-    for method in SEARCH_METHODS:
-        if method in DETERMINISTIC:
-            some = (1, 2) if method in DEAR else LOW_NOISE
-            jobs += [(method, level, R, 0) for R, level in product(some, LEVELS)]
-        else:
-            jobs += [(method, level, 1, seed) for level, seed in product(SEARCHED_LEVELS, seeds)]
+    jobs = [
+        (method, level, 1, seed)
+        for method in RANDOM
+        for level, seed in product(SEARCHED_LEVELS, seeds)
+    ]
+    for method in DETERMINISTIC:
+        is_dear = "fifty" in method or method == "DIRECT"
+        jobs += [
+            (method, level, R, 0)
+            for R, level in product(LOW_NOISE[:2] if is_dear else LOW_NOISE, LEVELS)
+        ]
     return jobs
 
 
@@ -252,20 +245,21 @@ def run_on_authors_record(method: str, level: int, realisation: int, seed: int) 
 
 
 def success_table(runs: DataFrame) -> DataFrame:
-    """Rate at which each method finds the best basin, its interval, and evaluations per success."""
+    """Rate at which each method finds the best basin, its 95 % interval, and evaluations per success."""
     rows = []
     for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
-        successes = int(part["found"].sum())
+        found = int(part["found"].sum())
+        ends = stats.binomtest(found, len(part)).proportion_ci()  # after Clopper and Pearson
         row = {
             "method": method,
             "kind": kind,
             "records": part.groupby(["level", "realisation"]).ngroups,
             "runs": len(part),
-            "found": successes,
-            **rate_columns(successes, len(part)),
-            "evaluations_per_success": part["evaluations"].sum() / successes
-            if successes
-            else np.inf,
+            "found": found,
+            "rate": found / len(part),
+            "rate_low": ends.low,
+            "rate_high": ends.high,
+            "evaluations_per_success": part["evaluations"].sum() / found if found else np.inf,
         }
         rows.append(row)
     return DataFrame(rows)
@@ -273,18 +267,15 @@ def success_table(runs: DataFrame) -> DataFrame:
 
 def against_swarms(table: DataFrame) -> DataFrame:
     """CMA-ES, the authors' population, against each swarm at its better one: one-sided p of Fisher."""
-    ours = table.set_index("method").loc["CMA-ES, population 300"]
+    by_rate = table.sort_values("rate", kind="stable").set_index("method")
+    ours = by_rate.loc["CMA-ES, population 300"]
     rows = []
     for swarm in SWARMS:
-        theirs = (
-            table[table["method"].str.startswith(f"{swarm},")]
-            .sort_values("rate", kind="stable")
-            .iloc[-1]
-        )
+        theirs = by_rate[by_rate.index.str.startswith(f"{swarm},")].iloc[-1]
         counts = [[row["found"], row["runs"] - row["found"]] for row in (ours, theirs)]
         p_values = [
             stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")
         ]
-        rows.append((swarm, theirs["method"], theirs["rate"], ours["rate"], *p_values))
-    columns = ["swarm", "method", "rate", "rate_cma", "p_cma_better", "p_swarm_better"]
+        rows.append((swarm, theirs["rate"], ours["rate"], *p_values))
+    columns = ["swarm", "rate", "rate_cma", "p_cma_better", "p_swarm_better"]
     return DataFrame(rows, columns=columns)

@@ -5,6 +5,7 @@ population of 300 where none is named.
 """
 
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from time import process_time
 from typing import Any
@@ -18,14 +19,15 @@ from scipy import optimize
 from replication import published, table2
 from replication.best_fit import best_fit
 from replication.cmaes import generations, search
-from replication.misfit import PROJECTED, cost, fold, project
+from replication.misfit import PROJECTED, fold, project
 from replication.records import Recording, add_noise, simulate_clean
 from replication.signature import Box, FloatArray
 from replication.table2 import BASIN_GAP, NOTEBOOK, RPM_600
+from studies.optimizers import BUDGET, POPULATION, Cost
 
 # From members of shape (population, n) to their misfits.
 Misfits = Callable[[FloatArray], Any]
-POPULATION = NOTEBOOK.population
+RUNS, SLOW_RUNS = 20, 6
 
 
 def make_records() -> list[Recording]:
@@ -38,8 +40,8 @@ def make_records() -> list[Recording]:
     ]
 
 
-def run_cma(misfits: Misfits, box: Box, seed: int, iterations: int) -> tuple[float, int]:
-    """Lowest misfit and evaluations of a run of today's `cma`."""
+def run_cma(misfits: Misfits, box: Box, seed: int, iterations: int) -> int:
+    """Run today's `cma`, and return its evaluations."""
     options = {
         "bounds": [box.lower, box.upper],
         "popsize": POPULATION,
@@ -53,29 +55,27 @@ def run_cma(misfits: Misfits, box: Box, seed: int, iterations: int) -> tuple[flo
     while not strategy.stop():
         asked = strategy.ask()
         strategy.tell(asked, list(misfits(np.array(asked))))
-    return strategy.result.fbest, strategy.result.evaluations
+    evaluations: int = strategy.result.evaluations
+    return evaluations
 
 
-def run_cmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
-    """Lowest misfit of a run of `cmaes`, which has one step size for all parameters: shares of the box."""
-    n, best = box.lower.size, np.inf
+def run_cmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> None:
+    """Run `cmaes`, which has one step size for all parameters: shares of the box."""
+    n = box.lower.size
     unit = np.tile([0.0, 1.0], (n, 1))
     strategy = cmaes.CMA(np.full(n, 0.5), 0.25, unit, seed=seed, population_size=POPULATION)
     for _ in range(iterations):
         shares = np.array([strategy.ask() for _ in range(POPULATION)])
         costs = misfits(box.lower + (box.upper - box.lower) * shares)
         strategy.tell(list(zip(shares, costs, strict=True)))
-        best = min(best, costs.min())
         if strategy.should_stop():
             break
-    return float(best)
 
 
-def run_fcmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
-    """Lowest misfit of a run of the C++ code of `fcmaes`, which sees the box as -1 to 1: a quarter of it is 0.5."""
+def run_fcmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> None:
+    """Run the C++ code of `fcmaes`, which sees the box as -1 to 1: a quarter of it is 0.5."""
     from fcmaes.cmaescpp import ACMA_C  # which is not for every platform
 
-    best = np.inf
     strategy = ACMA_C(
         box.lower.size,
         optimize.Bounds(*box),
@@ -86,16 +86,13 @@ def run_fcmaes(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
         rg=np.random.default_rng(seed),
     )
     for _ in range(iterations):
-        costs = misfits(np.ascontiguousarray(strategy.ask()))
-        best = min(best, costs.min())
-        if strategy.tell(costs):
+        if strategy.tell(misfits(np.ascontiguousarray(strategy.ask()))):
             break
-    return float(best)
 
 
-def run_differential_evolution(misfits: Misfits, box: Box, seed: int, iterations: int) -> float:
-    """Lowest misfit of a run of SciPy's differential evolution."""
-    found = optimize.differential_evolution(
+def run_differential_evolution(misfits: Misfits, box: Box, seed: int, iterations: int) -> None:
+    """Run SciPy's differential evolution."""
+    optimize.differential_evolution(
         lambda points: misfits(np.ascontiguousarray(points.T)),
         list(zip(*box, strict=True)),
         popsize=POPULATION // box.lower.size,
@@ -104,52 +101,60 @@ def run_differential_evolution(misfits: Misfits, box: Box, seed: int, iterations
         updating="deferred",
         rng=seed,
     )
-    return float(found.fun)
 
 
-def compare_peers(runs: int = 20, slow_runs: int = 6) -> pd.DataFrame:
+def compare_peers() -> pd.DataFrame:
     """Rows of `peers.csv`: CPU time of a run, how many find the best minimum, CPU time to find it with 99 %."""
     record = make_records()[4]
     box = table2.search_box(record, NOTEBOOK)
-    misfits = cost(record.t, record.v, NOTEBOOK.timing)
     folded = fold(record.t, record.v, NOTEBOOK.timing)
-    assert folded is not None
     five = Box(box.lower[PROJECTED], box.upper[PROJECTED])
 
-    def run_projected(seed: int) -> float:
-        def projected(shapes: FloatArray) -> FloatArray:
-            return project(shapes, folded, box.upper[0])[1]
+    def projected(shapes: FloatArray) -> Any:
+        return project(shapes, folded, box.upper[0])[1]
 
+    def ours(seed: int) -> float:
         return search(generations(projected, five, seed, RPM_600.population), 200).misfit
 
-    def of(peer: Callable) -> Callable[[int], float]:
-        return lambda seed: peer(misfits, box, seed, NOTEBOOK.iterations)
+    def lowest_of(peer: Callable[..., Any], seed: int) -> float:
+        cost = Cost(record, 0.0, RUNS * BUDGET)  # which no run spends
+        peer(cost.of_members, box, seed, NOTEBOOK.iterations)
+        return cost.best
 
-    methods: dict[str, tuple[int, Callable[[int], float]]] = {
-        "ours, five projected parameters, 600": (runs, run_projected),
-        "ours, 600": (runs, lambda seed: table2.fit(record, RPM_600, seed).rmse),
-        "ours": (runs, lambda seed: table2.fit(record, NOTEBOOK, seed).rmse),
-        **({"fcmaes (C++)": (runs, of(run_fcmaes))} if find_spec("fcmaes") else {}),
-        "differential evolution (SciPy)": (slow_runs, of(run_differential_evolution)),
-        "cma": (slow_runs, of(lambda *job: run_cma(*job)[0])),
-        "cmaes": (slow_runs, of(run_cmaes)),
+    quick: dict[str, Callable[[int], float]] = {
+        "ours, five projected parameters, 600": ours,
+        "ours, 600": lambda seed: table2.fit(record, RPM_600, seed).rmse,
+        "ours": lambda seed: table2.fit(record, NOTEBOOK, seed).rmse,
+    }
+    if find_spec("fcmaes"):
+        quick["fcmaes (C++)"] = partial(lowest_of, run_fcmaes)
+    slow = {
+        "differential evolution (SciPy)": partial(lowest_of, run_differential_evolution),
+        "cma": partial(lowest_of, run_cma),
+        "cmaes": partial(lowest_of, run_cmaes),
     }
     limit = best_fit(record).rmse * (1 + BASIN_GAP)
-    rows = [_time_search(name, *method, limit) for name, method in methods.items()]
-    columns = ["search", "runs", "best_minimum", "seconds_a_run", "seconds_to_99_percent"]
-    return pd.DataFrame(rows, columns=columns)
+    rows = [
+        {"search": name, **time_search(run, runs, limit)}
+        for searches, runs in ((quick, RUNS), (slow, SLOW_RUNS))
+        for name, run in searches.items()
+    ]
+    return pd.DataFrame(rows)
 
 
-def _time_search(
-    name: str, runs: int, run: Callable[[int], float], limit: float
-) -> tuple[str, int, int, float, float]:
+def time_search(run: Callable[[int], float], runs: int, limit: float) -> dict[str, float]:
     """Run a search with the seeds 1 to `runs`; it found the best minimum where its misfit is within a limit."""
     run(1)
     begun = process_time()
     ends = [run(seed) for seed in range(1, runs + 1)]
     seconds = (process_time() - begun) / runs
-    best = int(np.sum(np.array(ends) <= limit))
+    best = sum(end <= limit for end in ends)
     # With half a run more on either side, a share of 0 or 1 is not certain.
     share = (best + 0.5) / (runs + 1)
     needed = max(1.0, np.log(0.01) / np.log(1 - share))
-    return name, runs, best, seconds, needed * seconds
+    return {
+        "runs": runs,
+        "best_minimum": best,
+        "seconds_a_run": seconds,
+        "seconds_to_99_percent": needed * seconds,
+    }

@@ -66,10 +66,8 @@ def noisy_records(
     record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
     starts = draw_starts(settings, realisation, rng)
     seeds = rng.integers(1, 2**31, RUNS)
-    return [
-        (from_sample(record, int(start)), int(seed))
-        for start, seed in zip(starts, seeds, strict=True)
-    ]
+    cut = [from_sample(record, start) for start in starts.tolist()]
+    return list(zip(cut, seeds.tolist(), strict=True))
 
 
 def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, object]:
@@ -104,7 +102,7 @@ def plan_realisation(realisation: int) -> list[tuple[SearchSettings, int, int]]:
     return plan + [(settings, row, realisation) for settings in DRAWN_STARTS for row in ROWS]
 
 
-def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> None:
+def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> pd.DataFrame:
     """Make Table 2 again so many times under each setting, into a table that grows; it resumes if interrupted."""
     table = pd.read_csv(path) if path.exists() else pd.DataFrame()
     made = {(row["protocol"], row["row"], row["realisation"]) for row in table.to_dict("records")}
@@ -115,3 +113,4 @@ def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> None:
         if rows:
             table = pd.concat([table, pd.DataFrame(rows)])
             write_kept(path, table)
+    return table

@@ -19,20 +19,17 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each generation of a run: `run, generation, ours_rps` (the lowest misfit), `sigma`.
+        A row for each generation of a run: `run, generation, ours_rps` (the lowest misfit).
     """
     misfits = misfit.cost(recording.t, recording.v, NOTEBOOK.timing)
     box = search_box(recording, NOTEBOOK)
-    rows: list[tuple[int, int, float, float]] = []
+    rows: list[tuple[int, int, float]] = []
     for run, seed in published.table("authors_notebook_runs")[["run", "cma_seed"]].to_numpy():
         steps = cmaes.generations(misfits, box, int(seed), NOTEBOOK.population, symmetric_eigen)
         watched, steps = tee(steps)
         last = cmaes.search(steps, NOTEBOOK.iterations).generations
-        rows += [
-            (int(run), each.state.g + 1, float(each.misfits.min()), each.state.sigma)
-            for each in islice(watched, last)
-        ]
-    return pd.DataFrame(rows, columns=["run", "generation", "ours_rps", "sigma"])
+        rows += [(run, each.state.g + 1, each.misfits.min()) for each in islice(watched, last)]
+    return pd.DataFrame(rows, columns=["run", "generation", "ours_rps"])
 
 
 def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
@@ -40,7 +37,7 @@ def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
     names = {"best_rmse_of_generation_rps": "stored_rps"}
     stored = published.table("authors_notebook_generations").rename(columns=names)
     key = ["run", "generation"]
-    table = stored[[*key, "stored_rps"]].merge(ours[[*key, "ours_rps"]], on=key, how="left")
+    table = stored[[*key, "stored_rps"]].merge(ours, on=key, how="left")
     return table.assign(difference_rps=(table["ours_rps"] - table["stored_rps"]).abs())
 
 

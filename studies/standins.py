@@ -20,7 +20,6 @@ from replication.records import Recording
 from replication.signature import TURN, FloatArray
 from replication.table2 import NOTEBOOK, repeated_fits, summarise_runs
 
-SAMPLE_S = 2e-3
 TURNS = 12  # of a log
 VARIED_RATIOS = ("K_s/J_l", "G/J_l", "J_l/(N^2 J_m)", "K_p/J_m", "K_i/J_m")
 DIAL_GAUGE_RAD = 3e-5  # SD of a static measure of the backlash: 0.01 mm at 0.3 m
@@ -89,7 +88,7 @@ def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
 
 def clean_record(joint: Joint, delta: float, turns: int = TURNS) -> Recording:
     """Record of the motor's true speed, as the authors' noise-free records are."""
-    run = simulate(joint, delta, turns * joint.turn_period, SAMPLE_S, step=5e-5)
+    run = simulate(joint, delta, turns * joint.turn_period, step=5e-5)
     source = f"simulated joint, {delta:g} rad"
     return Recording(run.t, run.v, joint.Omega / TURN, joint.turn_period, source)
 
@@ -103,12 +102,10 @@ def read_encoder(
     return Recording(t[:-1], v, joint.Omega / TURN, joint.turn_period, source)
 
 
-def encoder_log(
-    bench: Bench, delta: float, rng: np.random.Generator, sample: float = SAMPLE_S
-) -> Recording:
+def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recording:
     """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = bench.joint._replace(start_angle=float(rng.uniform(0, TURN)))
-    run = simulate(joint, delta, TURNS * joint.turn_period, sample)
+    run = simulate(joint, delta, TURNS * joint.turn_period)
     source = f"simulated encoder log, {delta:g} rad"
     log = read_encoder(joint, run.t, run.theta_m, joint.encoder_step, source)
     return replace(log, v=log.v + rng.normal(0.0, bench.noise_rps, log.v.size))

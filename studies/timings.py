@@ -9,11 +9,11 @@ import os
 from collections.abc import Callable
 from datetime import datetime
 from time import perf_counter
+from timeit import repeat
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from llvmlite import binding
 
 from replication import table2
@@ -29,17 +29,10 @@ AUTHORS_LOOP = (
 )
 
 
-def time_call(call: Callable[[], Any]) -> tuple[float, Any]:
-    """Wall time of one call [s], and what it returns."""
-    begun = perf_counter()
-    returned = call()
-    return perf_counter() - begun, returned
-
-
 def median_seconds(call: Callable[[], Any]) -> float:
     """Median wall time of a call [s], after one call that compiles."""
     call()
-    return float(np.median([time_call(call)[0] for _ in range(REPEATS)]))
+    return float(np.median(repeat(call, number=1, repeat=REPEATS)))
 
 
 def bench() -> pd.DataFrame:
@@ -55,24 +48,26 @@ def bench() -> pd.DataFrame:
 
     compiled = median_seconds(lambda: misfits(members)) / len(members)
     plain = median_seconds(lambda: by_equations(members)) / len(members)
-    loop, (_, evaluations) = time_call(lambda: run_cma(by_equations, box, 1, 10))
+    begun = perf_counter()
+    evaluations = run_cma(by_equations, box, 1, 10)
+    of_generation = settings.population * (perf_counter() - begun) / evaluations
     fit = median_seconds(lambda: table2.fit(record, settings, 1))
     generations_of_fit = table2.fit(record, settings, 1).generations
-    jobs = [delayed(table2.fit_each)(records, settings, seed) for seed in range(1, 31)]
-    with Parallel(n_jobs=2) as pool:
-        pool(jobs[:2])  # starts and compiles
-        together, fits = time_call(lambda: pool(jobs))
-    made = sum(each.generations for of_seed in fits for each in of_seed)
-    loop_of_fits = made * settings.population * loop / evaluations
+    of_rows = [({"row": row}, each) for row, each in enumerate(records, 1)]
+    table2.repeated_fits(of_rows, settings, (1, 2))  # starts and compiles
+    begun = perf_counter()
+    made = table2.repeated_fits(of_rows, settings, range(1, 31))["generations"].sum()
+    together = perf_counter() - begun
+    cores = os.cpu_count() or 1
     rows = [
         ("misfit of a member", compiled, plain, "equations 1 to 7 in NumPy"),
+        ("a fit of the paper", fit, generations_of_fit * of_generation, AUTHORS_LOOP),
         (
-            "a fit of the paper",
-            fit,
-            generations_of_fit * settings.population * loop / evaluations,
-            AUTHORS_LOOP,
+            "300 fits of Table 2",
+            together,
+            made * of_generation / cores,
+            f"on all cores; {AUTHORS_LOOP}",
         ),
-        ("300 fits of Table 2", together, loop_of_fits / 2, f"two cores; {AUTHORS_LOOP}"),
     ]
     table = pd.DataFrame(rows, columns=["what", "ours_s", "reference_s", "reference"])
     table.insert(3, "ratio", table["reference_s"] / table["ours_s"])
@@ -86,15 +81,11 @@ def collect_notebook_times() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["notebook", "seconds"])
 
 
-def of_now(table: pd.DataFrame) -> pd.DataFrame:
-    """Add the date and the machine that times are of."""
-    processor = f"{binding.get_host_cpu_name()}, {os.cpu_count()} cores"
-    return table.assign(date=f"{datetime.now():%Y-%m-%d}", machine=processor)
-
-
 if __name__ == "__main__":
     print(bench().to_string(index=False))
+    processor = f"{binding.get_host_cpu_name()}, {os.cpu_count()} cores"
     for name, table in (("peers", compare_peers()), ("notebook_times", collect_notebook_times())):
         if len(table):
-            write_kept(ROOT / "results" / f"{name}.csv", of_now(table))
+            of_now = table.assign(date=f"{datetime.now():%Y-%m-%d}", machine=processor)
+            write_kept(ROOT / "results" / f"{name}.csv", of_now)
         print(table.to_string(index=False))

@@ -1,6 +1,7 @@
 import pytest
 
 from studies import __main__ as studies
+from studies import kept
 
 
 @pytest.mark.parametrize(
@@ -17,6 +18,6 @@ def test_a_study_that_is_unknown_or_has_no_data_is_one_line_and_writes_nothing(
 ):
     monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
     for write in ("write_kept", "write_text"):
-        monkeypatch.setattr(studies, write, lambda *_: pytest.fail("written"))
+        monkeypatch.setattr(kept, write, lambda *_: pytest.fail("written"))
     assert studies.main(arguments) == 2
     assert says in capsys.readouterr().err.strip().splitlines()[-1]

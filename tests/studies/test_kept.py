@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from replication.compilation import pinned_environment
 from replication.files import KEPT_SHA256, ROOT, UserError, check_kept, write_kept
 from studies.kept import KEPT, TIMED
 from workbook.project import notebook_sources
@@ -33,9 +34,10 @@ def check(rows):
         kept += [head, *(lines[position] for position in positions)]
     arguments = [f"{name}:{','.join(map(str, positions))}" for name, positions in rows.items()]
     command = [sys.executable, "-m", "studies.kept", *arguments]
-    made = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
-    again = " and ".join({KEPT[name].command for name in rows})
-    assert made.stdout.splitlines() == kept, f"{again} makes the table again"
+    pinned = os.environ | pinned_environment()
+    ran = subprocess.run(command, cwd=ROOT, env=pinned, stdout=subprocess.PIPE, check=True)
+    again = " and ".join({f"make studies NAME={KEPT[name].study}" for name in rows})
+    assert ran.stdout.decode().splitlines() == kept, f"{again} makes the table again"
 
 
 def find_lacking(name):
