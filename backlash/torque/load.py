@@ -57,6 +57,7 @@ class Stroke(NamedTuple):
     pads: FloatArray  # of each step: 1 in the window, smoothly 0 at the ends of what is driven
     taper: FloatArray  # of the window, on an even grid of times
     level: ComplexArray  # its harmonics: those of the motor's friction
+    spread: FloatArray  # from powers of harmonics to those of what the window leaves of them
     size: float  # how many numbers it tells
 
 
@@ -412,9 +413,20 @@ def predict_torque(
     J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
     carried = _at_harmonics(contact + theta[LOSS] * smooth_abs(contact, c), c)
     torque = J * response.torque_log * (response.lag * c.acceleration + rho * carried)
+    variance = _spread(_noise_power(theta, response, c), c) + c.own_variance
+    return torque, np.sqrt(variance), response
+
+
+def _noise_power(theta: FloatArray, response: Responses, c: Window) -> FloatArray:
+    """Variance of each harmonic of the torque by the noise of the speed."""
     by_speed = np.abs(response.torque_log * response.lag * (1 + response.carried))
-    noise = J * by_speed * c.omega * c.speed_sd
-    return torque, np.sqrt(noise**2 + c.own_variance), response
+    noise = np.exp(theta[INERTIA]) * by_speed * c.omega * c.speed_sd
+    return np.asarray(noise**2)
+
+
+def _spread(power: FloatArray, c: Window) -> FloatArray:
+    """Powers of noise, shape (..., harmonics), as the window spreads them."""
+    return np.asarray(power @ c.stroke.spread) if c.stroke else power
 
 
 def smooth_abs(contact: FloatArray, c: Window) -> FloatArray:
@@ -490,8 +502,8 @@ def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     slope[RATIO] = (carried / (1 + carried)).real
     slope[INERTIA] = 1.0
     slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
-    slope *= (sd**2 - c.own_variance) / sd
-    return slope
+    slope *= _noise_power(theta, response, c)
+    return np.asarray(_spread(slope, c) / sd)
 
 
 class Predictions(NamedTuple):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.interpolate import CubicSpline
+from scipy.linalg import toeplitz
 from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from backlash.answer import TORQUE_SIGNAL, Trace
@@ -306,7 +307,9 @@ def _state_window(
     size = (
         2 * np.sum(~is_motors) * np.square(taper).mean() - 3
     )  # less those of the start and the level
-    stroke = Stroke(signs, pads, taper, level, size)
+    power = np.square(np.abs(np.fft.fft(mean.taper)[: window.order.size]))
+    spread = toeplitz(power) / (2 * power.sum() - power[0])
+    stroke = Stroke(signs, pads, taper, level, spread, size)
     return window._replace(own_variance=own_variance, stroke=stroke)
 
 
