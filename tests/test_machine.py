@@ -68,6 +68,7 @@ def test_a_console_that_takes_ascii_only_gets_every_line(monkeypatch):
         monkeypatch.setattr(judging, name, lambda results: None)
     monkeypatch.setattr(report, "list_verdicts", lambda *results: "34 µrad\nthe end")
     monkeypatch.setattr(report, "find_surprises", lambda verdicts: [])
+    monkeypatch.setattr(report, "make_report", dict)
     monkeypatch.setattr(stamps, "refuse_faults", lambda **which: None)
     for name in ("make_report", "refuse_stale"):
         monkeypatch.setattr(report, name, lambda *_: None)

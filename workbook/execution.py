@@ -220,10 +220,9 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         notebook,
         kernel_name="python3",
         timeout=CELL_TIMEOUT_S,
-        coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
         record_timing=False,
         shutdown_kernel="immediate",
-        extra_arguments=["--IPKernelApp.exec_lines=__import__('workbook.kernel').kernel.watch()"],
+        extra_arguments=["--IPKernelApp.extensions=workbook.kernel"],
         resources={"metadata": {"path": str(source.parent)}},
     )
     started: list[subprocess.Popen] = []
@@ -250,13 +249,26 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
 
 
 def take_stderr(notebook: NotebookNode) -> str:
-    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it."""
+    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it.
+
+    Texts of a cell are joined: in how many pieces one arrives is a matter of time.
+    """
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
-        said = "".join(each.text for each in cell.outputs if each.get("name") == "stderr")
-        if unknown := HARMLESS.sub("", said).strip():
-            return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
-        cell.outputs = [each for each in cell.outputs if each.get("name") != "stderr"]
+        texts: dict[str, NotebookNode] = {}
+        others = []
+        for output in cell.outputs:
+            if output.get("name") in texts:
+                texts[output.name].text += output.text
+                continue
+            if output.output_type == "stream":
+                texts[output.name] = output
+            others.append(output)
+        if "stderr" in texts:
+            if unknown := HARMLESS.sub("", texts["stderr"].text).strip():
+                return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
+            others.remove(texts["stderr"])
+        cell.outputs = others
     return ""
 
 

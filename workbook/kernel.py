@@ -9,12 +9,12 @@ from typing import Any
 from workbook.project import ROOT, read_settings
 from workbook.stamps import sha256
 
-MOST_PRINTED = 10 * 2**20  # characters, by one notebook
+MOST_PRINTED = 2**20  # characters, by one notebook
 READ = ".read"
 
 
-def watch() -> None:
-    """Note the files that are read, and bound what is printed."""
+def load_ipython_extension(shell: Any) -> None:
+    """Note the files that are read, and bound what is printed: of a kernel that has this file as an extension."""
     note_reads(Path(os.environ["REPLICATION_OUT"], READ))
     bound_output(sys.stdout, sys.stderr.write)
     bound_output(sys.stderr, sys.stderr.write)

@@ -44,7 +44,10 @@ def _parse_table(name: str) -> pd.DataFrame:
         table = pd.read_csv(io.StringIO(text), keep_default_na=False)
         return table.set_index("id") if "id" in table else table
 
-    return read_committed(ROOT / read_settings(ROOT)[name], parse)
+    settings = read_settings(ROOT)
+    if name not in settings:
+        raise UserError(f"{ROOT / 'pyproject.toml'}: [tool.workbook] names no {name}")
+    return read_committed(ROOT / settings[name], parse)
 
 
 def read_table(name: str) -> pd.DataFrame:

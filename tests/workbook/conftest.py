@@ -6,10 +6,21 @@ from unittest import mock
 
 import pytest
 
+from workbook import ROOT
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-SETTINGS = (
-    '[tool.workbook]\npackages = ["tools"]\nfolders = ["BACKLASH_DATA"]\nkept = "tools.kept"\n'
-)
+SETTINGS = f"""[tool.workbook]
+packages = ["tools"]
+folders = ["BACKLASH_DATA"]
+cells = "{ROOT}/replication/data/cells.csv"
+claims = "{ROOT}/replication/data/claims.csv"
+kept = "tools.kept"
+"""
+SIMULATED = """[tool.workbook.simulated]
+variable = "BACKLASH_RECORDS"
+warning = "On our simulated records."
+mark = "our simulated records"
+"""
 
 
 @pytest.fixture
@@ -19,7 +30,7 @@ def project(tmp_path):
     def write(**sources):
         for name in ("notebooks", "tools", "results"):
             (tmp_path / name).mkdir(exist_ok=True)
-        (tmp_path / "pyproject.toml").write_text(SETTINGS)
+        (tmp_path / "pyproject.toml").write_text(SETTINGS + SIMULATED)
         (tmp_path / "requirements.lock").write_text("numpy==2.0\n")
         (tmp_path / "tools" / "__init__.py").touch()
         for name, text in sources.items():
