@@ -101,8 +101,8 @@ def mark_clipped(samples: Samples) -> Samples:
             is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
             if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
                 what = (
-                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples; log "
-                    "it with a wider range, or move slower"
+                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples; "
+                    "log it with a wider range, or move slower"
                 )
                 samples = samples.suspecting(name, np.flatnonzero(at), what)
     return samples
