@@ -149,7 +149,7 @@ REFUSED = {
     "three columns without names": (text("", "{t},{v},7"), "give --time and --speed by number"),
     "two rows": (
         "time,speed [rps]\n0,1\n1,2\n",
-        "2 samples with time and speed [rps]; a log of 4 load turns is needed",
+        "samples with time and speed [rps]: 2; a log of 4 load turns is needed",
     ),
     "a quote that never ends": (PLAIN + '"', "not a table (Error tokenizing data"),
     "a broken gzip file": (gzip.compress(PLAIN.encode())[:9000], "or export it again"),
