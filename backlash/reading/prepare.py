@@ -75,7 +75,7 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
         if columns.torque and counts.min() >= 3:
             each = " and ".join(f"{name} (in {count:,} rows)" for name, count in counts.items())
             raise Refusal(f"{each} never stand in one row; export them at the same instants")
-        counted = f"{len(table)} sample{'s' * (len(table) != 1)} with {' and '.join(needed)}"
+        counted = f"samples with {' and '.join(needed)}: {len(table)}"
         raise Refusal(f"{counted}; a log of {LIMITS.least_turns} load turns is needed")
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz

@@ -101,8 +101,8 @@ def mark_clipped(samples: Samples) -> Samples:
             is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
             if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
                 what = (
-                    f"the {name} is clipped at {levels[end]:.6g}{' rps' * (name == 'speed')} in {at.sum()} samples; log "
-                    "it with a wider range, or move slower"
+                    f"the {name} is clipped at {levels[end]:.6g} in {at.sum()} samples; "
+                    "log it with a wider range, or move slower"
                 )
                 samples = samples.suspecting(name, np.flatnonzero(at), what)
     return samples
@@ -110,17 +110,15 @@ def mark_clipped(samples: Samples) -> Samples:
 
 def keep_new_values(samples: Samples) -> Samples:
     """Keep the rows that have new values, where a logger repeats the last one."""
-    slowest, how = np.ones(samples.t.size, dtype=bool), ""
-    for name, signal in samples.named_signals():
-        is_new = _is_not_held(signal)
-        if is_new.sum() < slowest.sum():
-            slowest, how = is_new, f"the {name} stands"
+    news = {name: _is_not_held(signal) for name, signal in samples.named_signals()}
+    name = min(news, key=lambda name: news[name].sum())
+    slowest = news[name]
     if slowest.all():
         return samples
     thinned = samples.at(slowest)
     steps = np.diff(thinned.t) / np.median(np.diff(thinned.t))
     rate = thinned.rate_hz
-    note = f"{how} for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
+    note = f"the {name} stands for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
     if np.mean(np.abs(steps - 1) > 0.5) > LIMITS.most_invented:
         raise Refusal(
             f"{note}, at uneven instants; log each value when it is new, or at a fixed rate"
@@ -134,21 +132,18 @@ def keep_new_values(samples: Samples) -> Samples:
 
 def _is_not_held(signal: FloatArray) -> Mask:
     """Samples that do not repeat the one before, if that is no matter of coarse steps."""
-    starts, lengths, values = runs_of(signal)
+    _, lengths, values = runs_of(signal)
     usual = lengths[lengths < LIMITS.longest_hold]
-    is_new = np.ones(signal.size, dtype=bool)
     if usual.size < LIMITS.least_samples or values.size < 2:
-        return is_new
+        return np.ones(signal.size, dtype=bool)
     # A coarse signal stands where it turns slowly, and goes there by one step.
     steps = np.abs(np.diff(values))[lengths[1:] > 1]
     is_coarse = np.sum(steps < LIMITS.least_leap * finest_step(signal)) > 0.5 * steps.size
     # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
     commonest = np.bincount(usual).argmax()
     is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
-    if np.mean(usual > 1) > LIMITS.least_held and (is_regular or not is_coarse):
-        is_new[:] = False
-        is_new[starts] = True
-    return is_new
+    is_held = np.mean(usual > 1) > LIMITS.least_held and (is_regular or not is_coarse)
+    return (np.diff(signal, prepend=np.nan) != 0) | (not is_held)
 
 
 def refuse_speed_spikes(samples: Samples) -> Samples:

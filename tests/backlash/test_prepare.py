@@ -72,7 +72,7 @@ SPIKED = np.where(np.arange(V.size) == 500, 900.0, V)
         (V / 60, replace(TURN, commanded_speed_rps=100.0), "rps longest, not 100 rps, commanded"),
         (SPIKED, TURN, "1 single samples stray from their neighbours, 900 rps"),
         (0 * V + 100, TURN, "never changes, it is 100 throughout"),
-        (np.minimum(V, 100.2), TURN, "the speed is clipped at 100.2 rps"),
+        (np.minimum(V, 100.2), TURN, "the speed is clipped at 100.2 in"),
         (
             V,
             LogOptions(turn_period_s=0.4, gear_ratio=32.0, commanded_speed_rps=100.0),

@@ -58,8 +58,8 @@ ANSWERED = {
         "Time;Act velocity;I\nms;rpm;A\nREAL8;REAL4;REAL4", "{t:.4f};{rpm:.2f};1"
     ).replace("ms;", "s;"),
     "a word below the names": text("time [s],speed [rpm]\nTrace1", "{t:.4f},{rpm:.2f}"),
-    "decimal commas with three digits": text(
-        "time [s];speed [rps];I", "{t:.3f};{v:.3f};1.024"
+    "decimal commas with three digits beside whole stamps": text(
+        "t [ns];speed [rps];I", "{ns};{v:.3f};1.024"
     ).replace(".", ","),
     "a compound": text("Zeit,Motordrehzahl [rpm],Solldrehzahl [rpm]", "{t:.4f},{rpm:.2f},1"),
     "motor and joint above each name": text(
@@ -149,7 +149,7 @@ REFUSED = {
     "three columns without names": (text("", "{t},{v},7"), "give --time and --speed by number"),
     "two rows": (
         "time,speed [rps]\n0,1\n1,2\n",
-        "2 samples with time and speed [rps]; a log of 4 load turns is needed",
+        "samples with time and speed [rps]: 2; a log of 4 load turns is needed",
     ),
     "a quote that never ends": (PLAIN + '"', "not a table (Error tokenizing data"),
     "a broken gzip file": (gzip.compress(PLAIN.encode())[:9000], "or export it again"),

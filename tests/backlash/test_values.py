@@ -95,8 +95,8 @@ def test_what_was_not_measured_is_named_with_its_place(kind, tmp_path):
     assert words in refusal(file(tmp_path, log.to_csv(index=False)), WITH_TORQUE)
 
 
-# As drives smooth it: it stands for up to 16 samples between impacts.
-SMOOTH = 100 + lfilter([0.05], [1, -0.95], 3 * (K % 100 < 4) * (-1.0) ** (K // 100)).round(2)
+# A coarse speed that stands where it turns.
+SMOOTH = (V.mean() + np.sin(2 * np.pi * T / 0.4) * (1 + 0.3 * np.sin(6 * T))).round(1)
 # Signals that are coarse or filtered, or of impacts, and no defect.
 SOUND = {
     "a coarse torque": frame(torque=TORQUE.round()),
@@ -108,8 +108,7 @@ SOUND = {
         torque=np.interp(T, T[::3], TORQUE[::3])
     ),
     "a smooth speed": frame(SMOOTH),
-    "a smooth speed as float32": frame(SMOOTH.astype("float32")),
-    "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[999:1002:2].mean() + 0.001)),
+    "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[1000] + 0.001)),
     "impacts that are sampled once": frame(torque=TORQUE + 25 * (K % 200 == 7)),
     "stamps half a period beside whole milliseconds": frame(t=(T + 5e-4).round(3)),
 }
