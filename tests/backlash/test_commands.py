@@ -9,6 +9,7 @@ import pytest
 
 from backlash import estimates
 from backlash.answer import Estimate
+from replication.files import ROOT
 from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
@@ -131,7 +132,7 @@ def test_a_defect_and_an_interruption_are_one_line(log, error, status, words, mo
     assert error_line.count("\n") == 1
 
 
-def test_help_says_which_movement_and_a_line_that_answers_on_the_example(
+def test_help_and_readme_have_a_line_that_answers_on_the_example_as_the_readme_says(
     tmp_path, monkeypatch, capsys
 ):
     with pytest.raises(SystemExit):
@@ -144,8 +145,10 @@ def test_help_says_which_movement_and_a_line_that_answers_on_the_example(
     line = re.search(r"backlash (example); backlash (estimate .*?) \.", text)
     assert [command(words) for words in line.groups()] == [0, 0]
     answer = capsys.readouterr().out
-    assert "backlash 0.8" in answer
-    assert "the whole play 1.6" in answer
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert (
+        f"$ backlash {line[2]}\n{answer.partition('  stiffness')[0].splitlines()[-1]}\n" in readme
+    )
 
 
 def test_an_answer_gives_half_of_the_play_and_the_whole_in_the_units_of_data_sheets():
