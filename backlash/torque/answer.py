@@ -330,7 +330,7 @@ def refuse_averaged_rows(rows: FloatArray, sample_s: float) -> None:
         return
     at = first + int(pairs.argmin())
     others = np.abs(np.delete(correlation, slice(max(at - 1, 0), at + 3))[2:])
-    if others.max(initial=0.0) < 0.3 * -pairs.min():
+    if others.max(initial=0.0) < 0.5 * -pairs.min():
         window_ms = 1e3 * sample_s * (at + correlation[at + 1] / pairs.min())
         raise Refusal(
             f"the torque is a running mean over {window_ms:.0f} ms, which hides what the teeth do; log it as the drive "
