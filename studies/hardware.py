@@ -15,11 +15,13 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 
 from backlash.estimates import Estimate, estimate
+from backlash.refusals import Refusal
 from replication.records import public_file
 from replication.signature import TURN, FloatArray
 
 _SMOOTHING_S = 0.02  # of the speed that a rigid load follows
 _REST_RAD_S = 0.02
+_LONGEST_S = 1e6  # of a log; longer ones are in ns
 _ASSUMED_GRAVITY = 10.0  # 1/s^2, given of a load without any
 _LEAST_VARIANCE = 0.04  # of a sign: below, it hardly changes
 _BLOCK_S = 0.5  # within which residuals are not independent
@@ -75,8 +77,12 @@ def _read_ur10e(file: Path, axis: int) -> JointLog:
 
 
 def _read_printed_gear(file: Path, _: int) -> JointLog:
-    table = pd.read_csv(file, sep=";")
-    t = 1e-9 * (table["TIME"] - table["TIME"].iloc[0])
+    table = pd.read_csv(
+        file, sep=None, engine="python"
+    )  # run-ins with ; and ns, trajectories with , and s
+    table = table.drop_duplicates("TIME", ignore_index=True)  # of a logger that polls
+    t = table["TIME"] - table["TIME"].iloc[0]
+    t *= 1e-9 if t.iloc[-1] > _LONGEST_S else 1.0
     turns, speed_rps = table["POSITION"], table["VELOCITY"]
     return JointLog(*np.array([t, TURN * turns, TURN * speed_rps, table["TORQUE"]]))
 
@@ -108,15 +114,18 @@ _READERS: dict[str, Callable[[Path, int], JointLog]] = {
 def answer(log: JointLog, row: Mapping[str, Any]) -> Estimate:
     """Estimate by the torque, from what is known of the load."""
     ratio = row["gear_ratio"]
-    return estimate(
-        log.t,
-        ratio * log.speed,
-        torque=log.torque,
-        unit="rad/s",
-        gear_ratio=ratio,
-        inertia_ratio=row["inertia_ratio"],
-        gravity_per_s2=row["gravity_per_s2"] or _ASSUMED_GRAVITY,
-    )
+    try:
+        return estimate(
+            log.t,
+            ratio * log.speed,
+            torque=log.torque,
+            unit="rad/s",
+            gear_ratio=ratio,
+            inertia_ratio=row["inertia_ratio"],
+            gravity_per_s2=row["gravity_per_s2"] or _ASSUMED_GRAVITY,
+        )
+    except Refusal as refusal:  # of a log that cannot be used
+        return Estimate("").with_refusal(refusal)
 
 
 def smooth_speed(log: JointLog) -> FloatArray:

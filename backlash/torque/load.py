@@ -46,8 +46,8 @@ _NEARLY_CLOSED_RAD = 1e-7
 _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
 _UNIT = np.eye(2)
 _MOST_STARTS, _LEAST_GAIN = 3, 0.01  # of strokes: trials, and chi squared that one has to gain
-# Beside what is compared, of x and x' of 1 mrad at a usual ring, and of the level: steps where no tooth touches.
-_START_WEIGHT = np.diag([1e6, 1e6 / (TURN * 22.0) ** 2, 0.0])
+# Beside what is compared, of x and x' of 1 mrad at a usual ring: bounds a start's steps where no tooth touches.
+_START_WEIGHT = np.diag([1e6, 1e6 / (TURN * 22.0) ** 2])
 
 
 class Stroke(NamedTuple):
@@ -56,7 +56,7 @@ class Stroke(NamedTuple):
     signs: FloatArray  # of the unknowns: a stroke back, mirrored, is one forth with gravity's phase negated
     pads: FloatArray  # of each step: 1 in the window, smoothly 0 at the ends of what is driven
     taper: FloatArray  # of the window, on an even grid of times
-    level: ComplexArray  # its harmonics: those of the motor's friction
+    free: ComplexArray  # harmonics of what the motor's friction and ripple may add, a row each
     spread: FloatArray  # from powers of harmonics to those of what the window leaves of them
     size: float  # how many numbers it tells
 
@@ -80,6 +80,7 @@ class Window(NamedTuple):
     motion: FloatArray
     smoothing: float  # contact torque below which the loss is smooth [1/s^2]
     stroke: Stroke | None = None
+    ring_damping: float = 0.0  # of the noise's ring, beside the spring's: what a short window has
 
 
 def compare(
@@ -343,7 +344,7 @@ def predict(theta: FloatArray, c: Window, start: FloatArray | None = None) -> Pr
 def _fit_start(
     theta: FloatArray, c: Window, stroke: Stroke, start: FloatArray | None
 ) -> Prediction | None:
-    """The motion whose start, and whose level of friction, fit best, by Gauss's and Newton's method.
+    """The motion whose start, and whose motor's friction and ripple, fit best, by Gauss's and Newton's method.
 
     None if the load runs away.
     """
@@ -352,14 +353,17 @@ def _fit_start(
     waves = np.empty((2, forcing.shape[1]))
     if start is None:
         rest = force / np.exp(theta[STIFFNESS]) + math.copysign(1e-3 * theta[DELTA], force)
-        start = np.array([rest, 0.0, 0.0])
+        start = np.array([rest, 0.0])
+    # Another comparison's start may be of fewer or more that is free.
+    count = 2 + len(stroke.free)
+    start = np.append(start, np.zeros(count))[:count]
     for _ in range(_MOST_STARTS):
         state, contact = start[:2].copy(), np.empty(forcing.shape[1])
         _simulate_turn(
             *(theta, c.step_s, c.motion, forcing, 1.0, state, _UNIT.copy(), contact, waves)
         )
         torque, sd, response = predict_torque(theta, c, contact)
-        left = _in_window(torque, stroke, c) + start[2] * stroke.level - c.torque
+        left = _in_window(torque, stroke, c) + start[2:] @ stroke.free - c.torque
         here = Prediction(theta, start, forcing, contact, response, torque, sd, left)
         residuals = torque_residuals(here)
         chi2 = float(residuals @ residuals)
@@ -381,9 +385,11 @@ def _slopes_by_start(
 ) -> tuple[FloatArray, FloatArray]:
     """Slopes of strokes' residuals by their start, by those of the harmonics of c + mu |c|, and the normal matrix."""
     gain = predicted.response.torque_log * np.exp(predicted.theta[[INERTIA, RATIO]].sum())
-    rows = np.vstack([_in_window(gain * contact_slope, stroke, c), stroke.level])
+    rows = np.vstack([_in_window(gain * contact_slope, stroke, c), stroke.free])
     slopes = (rows / predicted.sd).view(float).T
-    return slopes, slopes.T @ slopes + _START_WEIGHT
+    normal = slopes.T @ slopes
+    normal[:2, :2] += _START_WEIGHT
+    return slopes, normal
 
 
 def _in_window(harmonics: ComplexArray, stroke: Stroke, c: Window) -> ComplexArray:
@@ -398,7 +404,7 @@ def respond(theta: FloatArray, c: Window) -> Responses:
     delay, low_pass, lag = theta[[DELAY, FILTER, LAG]].tolist()
     log = np.exp(-delay * c.per_ms) / (1 + low_pass * c.per_ms)
     K, zeta, rho = np.exp(theta[[STIFFNESS, DAMPING, RATIO]]).tolist()
-    spring = K + 2e3 * zeta * math.sqrt(K) * c.per_ms
+    spring = K + 2e3 * (zeta + c.ring_damping) * math.sqrt(K) * c.per_ms
     return Responses(log, 1 + lag * c.per_ms, spring, rho * spring / (spring - c.omega**2))
 
 
@@ -497,7 +503,8 @@ def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     spring_slope = carried * (1 / spring - 1 / (spring - c.omega**2)) / (1 + carried)
     slope = np.zeros((theta.size, c.omega.size))  # of the noise's logarithm
     slope[STIFFNESS] = (spring_slope * (spring - half_damper)).real
-    slope[DAMPING] = 2 * (spring_slope * half_damper).real
+    own_share = 1 / (1 + c.ring_damping / np.exp(theta[DAMPING]))
+    slope[DAMPING] = 2 * own_share * (spring_slope * half_damper).real
     slope[LAG] = (c.per_ms / response.lag).real
     slope[RATIO] = (carried / (1 + carried)).real
     slope[INERTIA] = 1.0

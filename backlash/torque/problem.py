@@ -114,7 +114,9 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             Reason.NO_GRAVITY,
         )
     used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
-    used &= ~beside_motor(speed.order, gear_ratio, gear_ratio)
+    # A log of the joint's side has no orders of the motor's.
+    orders = gear_ratio * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
+    used &= ~(np.abs(speed.order[:, None] - orders) < 1.5).any(axis=1)
     if used.sum() < SETTINGS.least_harmonics:
         raise Refusal(
             f"{used.sum()} harmonics of the turn up to {SETTINGS.fitted_hz:g} Hz can be compared; "
@@ -139,14 +141,6 @@ def compare_turns(
         friction=friction,
         ripple=ripple,
     )
-
-
-def beside_motor(
-    order: NDArray[np.int64], gear_ratio: float, motor_turns: float
-) -> NDArray[np.bool_]:
-    """Harmonics beside the motor's orders; a log of the joint's side has none."""
-    orders = motor_turns * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
-    return np.asarray((np.abs(order[:, None] - orders) < 1.5).any(axis=1))
 
 
 def round_below_noise(exact: Harmonics) -> Harmonics:

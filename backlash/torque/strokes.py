@@ -43,13 +43,16 @@ class StrokeSettings:
     # A window, from before the teeth part to after the hanging position; where strokes are short, no less.
     before_s: tuple[float, float] = (0.2, 0.05)
     after_s: tuple[float, float] = (0.8, 0.25)
+    ring_damping: float = 0.01  # a ring of 20 Hz that grows for half a second
     search_hz: float = 30.0  # with fewer harmonics the misfit has few minima
     most_harmonics: int = 100
+    beyond_hz: float = 20.0  # one over the edges of a window
     # Of the gear ratio, by gravity's course over the angle, if another leaves so much more of the torque: right ones
     # are told as 0.9 to 1.35 of themselves.
     ratios: tuple[float, float] = (0.67, 1.5)
     clear_ratio: float = 1.3
     least_gravity: float = 3.0  # over what it leaves of the torque
+    least_friction: float = 0.01  # over gravity, by which one that is none may be below
     gain_sd: float = 0.03  # of a gear's loss below zero
 
 
@@ -66,6 +69,7 @@ class MeanStroke(NamedTuple):
     used: NDArray[np.bool_]
     mean_speed: float
     first_rad: float  # angle where the window begins, but for the speed's harmonics
+    angle: FloatArray
     taper: FloatArray
     torques: FloatArray  # shape (strokes, samples)
     gravity: ComplexArray  # gravity's line of each stroke, over the mean one's
@@ -196,7 +200,7 @@ def _measure_gravity(torque: FloatArray, angle: FloatArray, *others: FloatArray)
     (sine, cosine, _, forth, back), left = _regress(torque, angle, *others)
     gravity, friction = math.hypot(sine, cosine), (forth - back) / 2
     rest = math.sqrt(left / torque.size)
-    if gravity < SETTINGS.least_gravity * rest or friction < 0:
+    if gravity < SETTINGS.least_gravity * rest or friction < -SETTINGS.least_friction * gravity:
         raise Refusal(
             f"gravity moves the torque by {gravity:.3g} in the log's unit, friction by {friction:.3g}, all else by "
             f"{rest:.3g}; is it this motor's torque, positive where it drives forward, and the axis horizontal?",
@@ -213,7 +217,7 @@ def _measure_gravity(torque: FloatArray, angle: FloatArray, *others: FloatArray)
             f"gravity goes by {ratio:.2g} times the load's angle; is the gear ratio right?",
             Reason.WRONG_PERIOD,
         )
-    numbers = gravity, math.atan2(cosine, sine), friction / gravity
+    numbers = gravity, math.atan2(cosine, sine), max(friction / gravity, 0.0)
     return Gravity(*round_to(numbers, 1e-3 * np.array([gravity, 1.0, 1.0])).tolist())
 
 
@@ -255,12 +259,13 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
     )
     wave = _wave(of_speed.coefficient / (1j * omega), order, n) + mean_speed * dt * np.arange(n)
     first = float(round_to(taper @ (angle - wave) / taper.sum(), 1e-4))
-    used = (omega < TURN * 0.4 / dt) & (order <= SETTINGS.most_harmonics)
+    used = omega < TURN * 0.4 / dt
     terms = taper * [np.sin(angle + phase), np.cos(angle + phase)]
     real, imaginary = np.linalg.lstsq(terms.T, (taper * signals[2]).T, rcond=None)[0]
     gravity = (real + 1j * (imaginary - imaginary.mean())) / real.mean()
     return MeanStroke(
-        sign, of_speed, of_torque, used, mean_speed, first, taper, signals[2], gravity
+        *(sign, of_speed, of_torque, used, mean_speed, first, first + wave, taper, signals[2]),
+        gravity,
     )
 
 
@@ -287,30 +292,36 @@ def _state_window(
 ) -> Window:
     c, dt, n = problem.SETTINGS, measured.sample_s, mean.taper.size
     hz, advance = SETTINGS.search_hz if is_rough else c.fitted_hz, mean.mean_speed * n * dt
-    used = mean.used & (mean.speed.omega < TURN * hz)
+    # What lies beyond what is compared reaches it through the window's edges.
+    last = min(hz, SETTINGS.most_harmonics / (n * dt))
+    used = mean.used & (mean.speed.omega < TURN * (last + SETTINGS.beyond_hz))
     error, step_s = (
         (c.search_model_error, c.search_step_s) if is_rough else (c.model_error, c.step_s)
     )
     smoothing = c.loss_smoothing * load.gravity_per_s2
     begin = np.exp(1j * mean.first_rad)
     window = compare(mean.speed, mean.torque, used, error, step_s, smoothing, begin, advance)
-    # Windows need all harmonics; those beside the motor's orders weigh nothing.
-    gear_ratio = measured.movement.gear_ratio
-    is_motors = problem.beside_motor(window.order, gear_ratio, gear_ratio * advance / TURN)
-    own_variance = np.where(is_motors, _NO_WEIGHT, 1.0) * window.own_variance
     grid = 4 * next_fast_len(int(window.order[-1]) + 1, real=True)
     taper = np.interp(np.arange(grid) * n / grid, np.arange(n), mean.taper)
     signs = np.ones(len(TABLE))
     signs[PHASE] = mean.sign
     pads = _ramps(window.direction.size, 0, SETTINGS.pad_s / window.step_s)
-    level = np.fft.rfft(mean.taper)[window.order] / n
-    size = (
-        2 * np.sum(~is_motors) * np.square(taper).mean() - 3
-    )  # less those of the start and the level
+    is_compared = window.omega < TURN * last
+    own_variance = np.where(is_compared, 1.0, _NO_WEIGHT) * window.own_variance
+    # The level of the motor's friction, and its orders.
+    gear_ratio = measured.movement.gear_ratio
+    added = [np.ones(n)]
+    for k in c.motor_orders if gear_ratio > 1.5 else ():
+        if k * gear_ratio * measured.means[0].mean_speed < TURN * hz:
+            added += [f(k * gear_ratio * mean.angle) for f in (np.sin, np.cos)]
+    free = np.fft.rfft(mean.taper * added)[:, window.order] / n
+    size = 2 * is_compared.sum() * np.square(taper).mean() - 2 - len(free)
     power = np.square(np.abs(np.fft.fft(mean.taper)[: window.order.size]))
     spread = toeplitz(power) / (2 * power.sum() - power[0])
-    stroke = Stroke(signs, pads, taper, level, spread, size)
-    return window._replace(own_variance=own_variance, stroke=stroke)
+    stroke = Stroke(signs, pads, taper, free, spread, size)
+    return window._replace(
+        own_variance=own_variance, stroke=stroke, ring_damping=SETTINGS.ring_damping
+    )
 
 
 def trace_strokes(measured: MeasuredStrokes, stated: Problem, best: Candidate) -> Trace:

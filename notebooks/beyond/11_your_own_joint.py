@@ -13,7 +13,7 @@ import backlash
 import workbook
 from backlash import plots
 from replication import figures, joint, signature
-from studies import standins
+from studies import datasheet, simulated_joints, standins
 from workbook import Change
 
 workbook.say_times("11_your_own_joint")
@@ -282,6 +282,56 @@ else:
 # Compare the printed lines with the joint's data sheet: a stiffness or an inertia that is not the
 # joint's says that an input is wrong.
 #
+# ### An axis with end stops
+#
+# An axis that cannot turn round moves to and fro, through the position in which its load hangs down.
+# A stroke back, mirrored, is one forth; so the same model holds in a window of each direction, from
+# before the teeth part to where the load has rung out. *Predict:* which of the two movements tells the
+# backlash of the same joint better?
+
+# %%
+swung = simulated_joints.draw_joint(
+    np.random.default_rng((bench_seed, 5)), backlash_rad, 1.5, 100.0, 0.1, 0.05
+)
+ends_rad = np.radians([-75, 70])  # of the load, from where it hangs
+healthy = simulated_joints.Fault()
+moved, wanted = simulated_joints.run_strokes(swung, healthy, ends_rad)
+runs = {"turns": simulated_joints.run_turns(swung, healthy), "strokes": moved}
+by_movement = {}
+for name, seen in runs.items():
+    rng = np.random.default_rng((bench_seed, 6))
+    recorded = simulated_joints.log_turns(rng, swung, 100.0, healthy, seen)
+    by_movement[name] = datasheet.ask_sensor(recorded)
+    print(f"{name}: {by_movement[name].summary}")
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
+step_s = simulated_joints.CONTROL_S
+angle_deg = np.degrees(ends_rad[0] + np.cumsum(wanted) * step_s)
+trace = by_movement["strokes"].trace
+figure, axes = figures.grid(2, 1, 4.4)
+above, below = axes[:, 0]
+above.plot(step_s * np.arange(wanted.size), angle_deg, **figures.FIT)
+above.axhline(0, color="0.6")
+above.set(xlabel="time [s]", ylabel="angle from hanging [deg]")
+if trace:
+    below.plot(trace.t, trace.measured, label="measured", **figures.LOG)
+    below.plot(trace.t, trace.model, label="model", **figures.FIT)
+below.set(xlabel="time in the mean strokes [s]", ylabel="torque [log's unit]")
+of_strokes = by_movement["strokes"].backlash_rad
+workbook.show_figure(
+    "own_joint_strokes",
+    figures.finish(figure, 2),
+    "(a) Strokes of a joint with end stops through the hanging position. (b) The torque "
+    "in the windows of the mean stroke forth and, behind it, back, mirrored: while "
+    "nothing holds the load it stays level. "
+    + (
+        f"The strokes say {1e3 * of_strokes:.3f} mrad of {backlash_mrad:g} mrad."
+        if of_strokes is not None
+        else "The strokes give no answer."
+    ),
+)
+
+# %% [markdown]
 # ### By the speed alone
 #
 # The same log without its torque has the paper's amplitude $A$ [rps] as an index, and no backlash.

@@ -35,11 +35,11 @@ def test_a_loss_in_the_gear_is_found_beside_friction():
     assert fitted["left"] < 0.8 * fitted["left_lossless"]
 
 
-def test_strokes_to_and_fro_are_refused_for_that():
+def test_strokes_beside_the_hanging_position_are_refused_for_that():
     row = pd.Series({"inertia_ratio": 2.0, "gravity_per_s2": 20.0, "gear_ratio": 100})
     log = STROKES._replace(torque=20 * np.sin(STROKES.angle))
     told = hardware.answer(log, row)
-    assert (told.verdict, told.reason) == ("cannot tell", "not constant speed")
+    assert (told.verdict, told.reason) == ("cannot tell", "no load reversal seen")
 
 
 def test_lost_motion_is_found_beside_the_wind_up():
