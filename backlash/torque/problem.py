@@ -187,7 +187,7 @@ class Minima(NamedTuple):
 
 
 OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95), 0.0, 1.0)
-OF_STROKES = Minima(33.0, 12, tuple(np.linspace(0.0, 1.0, 25)), 1.0, 3.0)
+OF_STROKES = Minima(50.0, 12, tuple(np.linspace(0.0, 1.0, 25)), 1.0, 2.0)
 
 
 class Problem(NamedTuple):

@@ -46,6 +46,7 @@ class StrokeSettings:
     ring_damping: float = 0.01  # a ring of 20 Hz that grows for half a second
     search_hz: float = 30.0  # with fewer harmonics the misfit has few minima
     most_harmonics: int = 100
+    beyond_hz: float = 20.0  # one over the edges of a window
     # Of the gear ratio, by gravity's course over the angle, if another leaves so much more of the torque: right ones
     # are told as 0.9 to 1.35 of themselves.
     ratios: tuple[float, float] = (0.67, 1.5)
@@ -56,6 +57,7 @@ class StrokeSettings:
 
 
 SETTINGS = StrokeSettings()
+_NO_WEIGHT = 1e9  # of variances
 
 
 class MeanStroke(NamedTuple):
@@ -257,7 +259,7 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
     )
     wave = _wave(of_speed.coefficient / (1j * omega), order, n) + mean_speed * dt * np.arange(n)
     first = float(round_to(taper @ (angle - wave) / taper.sum(), 1e-4))
-    used = (omega < TURN * 0.4 / dt) & (order <= SETTINGS.most_harmonics)
+    used = omega < TURN * 0.4 / dt
     terms = taper * [np.sin(angle + phase), np.cos(angle + phase)]
     real, imaginary = np.linalg.lstsq(terms.T, (taper * signals[2]).T, rcond=None)[0]
     gravity = (real + 1j * (imaginary - imaginary.mean())) / real.mean()
@@ -290,7 +292,9 @@ def _state_window(
 ) -> Window:
     c, dt, n = problem.SETTINGS, measured.sample_s, mean.taper.size
     hz, advance = SETTINGS.search_hz if is_rough else c.fitted_hz, mean.mean_speed * n * dt
-    used = mean.used & (mean.speed.omega < TURN * hz)
+    # What lies beyond what is compared reaches it through the window's edges.
+    last = min(hz, SETTINGS.most_harmonics / (n * dt))
+    used = mean.used & (mean.speed.omega < TURN * (last + SETTINGS.beyond_hz))
     error, step_s = (
         (c.search_model_error, c.search_step_s) if is_rough else (c.model_error, c.step_s)
     )
@@ -302,6 +306,8 @@ def _state_window(
     signs = np.ones(len(TABLE))
     signs[PHASE] = mean.sign
     pads = _ramps(window.direction.size, 0, SETTINGS.pad_s / window.step_s)
+    is_compared = window.omega < TURN * last
+    own_variance = np.where(is_compared, 1.0, _NO_WEIGHT) * window.own_variance
     # The level of the motor's friction, and its orders.
     gear_ratio = measured.movement.gear_ratio
     added = [np.ones(n)]
@@ -309,11 +315,13 @@ def _state_window(
         if k * gear_ratio * measured.means[0].mean_speed < TURN * hz:
             added += [f(k * gear_ratio * mean.angle) for f in (np.sin, np.cos)]
     free = np.fft.rfft(mean.taper * added)[:, window.order] / n
-    size = 2 * window.order.size * np.square(taper).mean() - 2 - len(free)
+    size = 2 * is_compared.sum() * np.square(taper).mean() - 2 - len(free)
     power = np.square(np.abs(np.fft.fft(mean.taper)[: window.order.size]))
     spread = toeplitz(power) / (2 * power.sum() - power[0])
     stroke = Stroke(signs, pads, taper, free, spread, size)
-    return window._replace(stroke=stroke, ring_damping=SETTINGS.ring_damping)
+    return window._replace(
+        own_variance=own_variance, stroke=stroke, ring_damping=SETTINGS.ring_damping
+    )
 
 
 def trace_strokes(measured: MeasuredStrokes, stated: Problem, best: Candidate) -> Trace:
