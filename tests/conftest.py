@@ -43,6 +43,7 @@ PORTABLE = (
     "tests/backlash/test_torque_load.py::test_the_orbit",
     "tests/backlash/test_torque_answer.py::test_the_answer_of_a_known",
     "tests/backlash/test_torque_answer.py::test_misfit_interval",
+    "tests/backlash/test_strokes.py::test_under_other_kernels",
     "tests/backlash/test_turns.py::test_harmonics",
     "tests/backlash/test_turns.py::test_the_period",
 )

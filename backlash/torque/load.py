@@ -17,6 +17,10 @@ friction is in it. `unknowns` has the table of all of them.
 The torque is compared harmonic by harmonic of the mean turn. Noise of the speed reaches it through the model: each
 harmonic's SD is that of both columns there, by the joint with its teeth in contact, and a model error, a share of the
 torque. The Jacobian by the unknowns is integrated with the load.
+
+Of strokes, a window of the mean stroke of each direction is compared alike. It need not end where it begins: x and x'
+there, the level of the motor's friction and its ripple are those that fit best, and a stroke back is one forth with
+gravity's phase negated. What the window leaves of a harmonic is compared, and of its noise.
 """
 
 import cmath
@@ -47,7 +51,8 @@ _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
 _UNIT = np.eye(2)
 _MOST_STARTS, _LEAST_GAIN = 3, 0.01  # of strokes: trials, and chi squared that one has to gain
 # Beside what is compared, of x and x' of 1 mrad at a usual ring: bounds a start's steps where no tooth touches.
-_START_WEIGHT = np.diag([1e6, 1e6 / (TURN * 22.0) ** 2])
+_START_WEIGHT = (1e6, 1e6 / (TURN * 22.0) ** 2)
+_LEAST_WEIGHT = 1e-30  # of what is free, so that the far trials of a search have a solution
 
 
 class Stroke(NamedTuple):
@@ -387,9 +392,8 @@ def _slopes_by_start(
     gain = predicted.response.torque_log * np.exp(predicted.theta[[INERTIA, RATIO]].sum())
     rows = np.vstack([_in_window(gain * contact_slope, stroke, c), stroke.free])
     slopes = (rows / predicted.sd).view(float).T
-    normal = slopes.T @ slopes
-    normal[:2, :2] += _START_WEIGHT
-    return slopes, normal
+    weights = [*_START_WEIGHT, *[_LEAST_WEIGHT] * len(stroke.free)]
+    return slopes, slopes.T @ slopes + np.diag(weights)
 
 
 def _in_window(harmonics: ComplexArray, stroke: Stroke, c: Window) -> ComplexArray:

@@ -1,5 +1,9 @@
 """Movements to and fro: what is measured of strokes, what they tell, and what is refused."""
 
+import json
+import os
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +16,7 @@ from backlash.torque import load as driven_load
 from backlash.torque.load import DELTA, DRAG, FILTER, FRICTION, LOSS, SOFT
 from backlash.torque.strokes import measure_strokes, state_strokes
 from backlash.torque.unknowns import NAMES
+from replication.files import ROOT
 from replication.records import Recording
 from studies.simulated_joints import CONTROL_S, TURN, Fault, draw_strokes, stroke_speeds
 from tests.backlash.test_torque_answer import answer, is_covered
@@ -122,6 +127,31 @@ def test_what_is_compared_is_the_same_whatever_a_logs_last_bits_are(drawn):
         np.testing.assert_array_equal(a.direction, b.direction)
         np.testing.assert_allclose(a.own_variance, b.own_variance, rtol=1e-9)
     np.testing.assert_array_equal(one.prior.mean, other.prior.mean)
+
+
+ANSWER = """
+import json, numpy as np
+from tests.backlash.test_torque_answer import answer
+from tests.backlash.test_strokes import DELTA_RAD
+from studies.simulated_joints import draw_strokes
+log = draw_strokes(np.random.default_rng((83, 0)), DELTA_RAD, 0.1, 0.05)
+print(json.dumps(answer(log).to_dict()))
+"""
+
+
+def test_under_other_kernels_the_answer_is_the_same_to_1e_9(drawn):
+    here = answer(drawn)
+    ended = subprocess.run(
+        [sys.executable, "-c", ANSWER],
+        cwd=ROOT,
+        env=os.environ | {"OPENBLAS_CORETYPE": "Prescott"},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    there = json.loads(ended.stdout)
+    expected = (here.backlash_rad, here.chi_squared)
+    assert (there["backlash_rad"], there["chi_squared"]) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_trial_far_from_any_joint_has_no_motion_and_is_no_defect(problem):
