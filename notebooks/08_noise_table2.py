@@ -273,12 +273,14 @@ agree = {
     for of in ("mean", "sd")
 }
 outside = ", ".join(map(str, agree["sd"].index[~agree["sd"]])) or "none"
+width_percent = 100 * (ten["mean_high"] - ten["mean_low"]) / ten["mean_ours"]
+sd_factor = (ten["sd_high"] / ten["sd_low"]).median()
 workbook.say(
     f"{agree['mean'].sum()} of ten printed means and {agree['sd'].sum()} of ten "
     f"SDs lie inside (SDs outside: rows {outside}). The means' intervals are "
-    f"{(100 * (ten['mean_high'] - ten['mean_low']) / ten['mean_ours']).mean():.0f} % "
+    f"{width_percent.mean():.0f} % "
     "wide on average; the upper end of an SD's is typically "
-    f"{(ten['sd_high'] / ten['sd_low']).median():.0f} times the lower one, because a "
+    f"{sd_factor:.0f} times the lower one, because a "
     "few runs in another minimum make an SD."
 )
 
@@ -289,6 +291,7 @@ workbook.say(
 table = table2.table2(fits)
 measured = measures.measure_table2(kept)
 claims = measures.write_all(measured)
+share_above = measured["error_below_10_method"]["share"]
 decided = workbook.decide_all(claims, criteria)
 failed = share.to_numpy() == 0
 ends = regions.loc[table["row"]].reset_index()
@@ -311,7 +314,7 @@ workbook.verdict(
         "clean_error_high": f"{errors.max():+.1f}",
         "clean_error_mean": f"{errors.mean():.1f}",
         "intervals": describe_intervals(ten),
-        "errors_above_percent": f"{100 * measured['error_below_10_method']['share']:.0f}",
+        "errors_above_percent": f"{100 * share_above:.0f}",
     },
     {"table2": table},
     criteria,

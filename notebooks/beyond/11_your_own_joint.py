@@ -329,7 +329,8 @@ of_strokes = by_movement["strokes"].backlash_rad
 workbook.show_figure(
     "own_joint_strokes",
     figures.finish(figure, 2),
-    "(a) Strokes of a joint with end stops through the hanging position. (b) The torque "
+    "(a) Strokes of a joint with end stops through the hanging position. "
+    "(b) The torque "
     "in the windows of the mean stroke forth and, behind it, back, mirrored: while "
     "nothing holds the load it stays level. "
     + (

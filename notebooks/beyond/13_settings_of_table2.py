@@ -240,8 +240,10 @@ workbook.show_figure(
     "table2_multiverse",
     draw_multiverse(multiverse, evidence.WHY),
     "The printed table as one more of ours: a $p$ in each cell; 0 below 0.0005; "
-    "with ≤ where none of our tables is as extreme. *In interval*: how many printed "
-    "numbers lie in the 95 % intervals (–: too few tables for one). In brackets: our "
+    "with ≤ where none of our tables is as extreme. *In interval*: "
+    "how many printed "
+    "numbers lie in the 95 % intervals (–: too few tables for one). "
+    "In brackets: our "
     "tables; before them the unit of the speed and the population.",
 )
 

@@ -164,7 +164,8 @@ workbook.verdict(
 workbook.try_changing(
     Change(
         'makes = ["printed"]',
-        "the gears that turn round, without a load, or swing a small one slowly; they "
+        "the gears that turn round, without a load, or swing a small one slowly; "
+        "they "
         "are refused, too",
         lambda now, was: (
             0 < len(now.chosen) < len(was.chosen) and now.refused == len(now.chosen)

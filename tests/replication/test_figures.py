@@ -6,6 +6,7 @@ import workbook
 
 # Axes without a unit: ratios of like quantities, and counts.
 DIMENSIONLESS = {
+    "backlash of the bench",  # its ticks have the unit
     "generation",
     "number of robots",
     "row of Table 2 (1*: on a simulated record, 11: noise alone)",

@@ -66,7 +66,7 @@ def test_the_log_of_a_swinging_arm_is_refused_the_refusal_asks_for_the_arm_and_t
 
 
 def test_an_arm_s_first_swing_is_as_fast_as_the_help_says(mujoco):
-    low, high = map(float, re.search(r"first swing, at (\d+) to (\d+) Hz", _WRONG).groups())
+    low, high = map(float, re.search(r"own resonance, (\d+) to (\d+) Hz", _WRONG).groups())
     for arm in range(0, engine.LOGS[engine.ARM], len(engine.ARM_PLAYS_RAD)):
         machine = engine.draw_machine(engine.ARM, arm)
         model = engine.build_model(machine, 1e-4)
