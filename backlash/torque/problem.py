@@ -80,7 +80,8 @@ class Movement(NamedTuple):
     odd_against_even: float  # difference of odd and even passes over gravity
     scatter_s: float  # of the times at which gravity's line comes
     friction: float  # mean torque over gravity's: of motor, gear and load
-    ripple: float  # acceleration of a line that stands out [rad/s^2 of the load]
+    # Acceleration of a line that stands out [rad/s^2 of the load]; in strokes a ring may be one.
+    ripple: float = 0.0
     strokes: str = ""  # which, in words; none of turns
 
 
@@ -187,7 +188,7 @@ class Minima(NamedTuple):
 
 
 OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95), 0.0, 1.0)
-OF_STROKES = Minima(50.0, 12, tuple(np.linspace(0.0, 1.0, 25)), 1.0, 2.0)
+OF_STROKES = Minima(50.0, 12, tuple(np.linspace(0.0, 1.0, 13)), 1.0, 2.0)
 
 
 class Problem(NamedTuple):

@@ -123,7 +123,6 @@ def measure_strokes(recording: Recording, torque: FloatArray) -> MeasuredStrokes
         odd_against_even=max(map(_odd_against_even, (forth, back))),
         scatter_s=max(forth.imag.std(), back.imag.std()) / level,
         friction=gravity.friction,
-        ripple=max(problem.largest_ripple(each.speed) for each in means),
         strokes=f"strokes ({forth.size} forth, {back.size} back, from {angles})",
     )
     return MeasuredStrokes(means, gravity, dt, movement)
