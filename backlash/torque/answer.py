@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.special import ndtr
 
 from backlash.answer import TORQUE_SIGNAL, Trace
@@ -110,7 +109,10 @@ _MOST_RESIDUAL[SOFT] = LIMITS.most_soft_residual
 _MOST_RESIDUAL[[GRAVITY, RATIO]] = LIMITS.most_load_residual
 # Running means of a torque that are looked for; shorter ones a low-pass follows.
 _LEAST_MEAN_S, _LONGEST_MEAN_S = 0.009, 0.080
-_LEAST_CORRELATION = 0.35  # of differences a mean's width apart; a half in a log of noise alone
+_LEAST_MEAN_SAMPLES = 4  # with two holes; one may be between two lines
+_HOLES = 3  # that are asked
+_HALF_HOLE = 0.12  # of the way to the lobe: at its edge a mean leaves a fourteenth of a lobe
+_MOST_IN_A_HOLE = 0.1
 _ADVICE = "turn the joint faster (twice as fast, about half the SD), log more turns, or with a finer encoder"
 
 
@@ -312,31 +314,36 @@ def refuse_averaged(recording: Recording, torque: FloatArray) -> None:
 def refuse_averaged_rows(rows: FloatArray, sample_s: float) -> None:
     """Refuse a torque, shape (passes, samples), that is a running mean, which no low-pass of the fit follows.
 
-    The differences of a mean of n values have those of n samples before, with the other sign, and else nothing in
-    common, as far as they are noise.
+    A mean over T leaves nothing of the frequencies 1/T, 2/T, ..., neither of noise nor of a ring: what passes differ by
+    has holes there.
     """
-    noise = np.diff(np.diff(rows, axis=0).ravel())
-    # Impacts, which no two passes have at the same sample, count as noise does.
-    most = 2 * np.median(np.abs(noise))
-    noise = np.clip(noise, -most, most)
-    size = next_fast_len(2 * noise.size, real=True)
-    power = np.abs(np.fft.rfft(noise, size)) ** 2
-    correlation = np.fft.irfft(power)[: round(_LONGEST_MEAN_S / sample_s)] / max(
-        power.mean(), 1e-300
-    )
-    first = max(round(_LEAST_MEAN_S / sample_s), 2)
-    pairs = correlation[first:-1] + correlation[first + 1 :]
-    if not pairs.size or pairs.min() > -_LEAST_CORRELATION:
-        return
-    at = first + int(pairs.argmin())
-    others = np.abs(np.delete(correlation, slice(max(at - 1, 0), at + 3))[2:])
-    if others.max(initial=0.0) < 0.5 * -pairs.min():
-        window_ms = 1e3 * sample_s * (at + correlation[at + 1] / pairs.min())
+    differences = np.diff(rows, axis=0).ravel()
+    power = np.abs(np.fft.rfft(differences * np.hanning(differences.size))) ** 2
+    shortest = max(2 * _LEAST_MEAN_S / sample_s, 2 * _LEAST_MEAN_SAMPLES)
+    means = np.arange(np.ceil(shortest), 2 * _LONGEST_MEAN_S / sample_s) / 2  # [samples]
+    filled = [_largest_hole(power, samples) for samples in means]
+    if min(filled, default=1.0) < _MOST_IN_A_HOLE:
+        mean_s = means[np.argmin(filled)] * sample_s
         raise Refusal(
-            f"the torque is a running mean over {window_ms:.0f} ms, which hides what the teeth do; log it as the drive "
-            "measures it, or filtered by 3 ms at most",
+            f"the torque is a running mean over {1e3 * mean_s:.0f} ms, which hides what the teeth do; log it as the "
+            "drive measures it, or filtered by 3 ms at most",
             Reason.NO_FIT,
         )
+
+
+def _largest_hole(power: FloatArray, samples: float) -> float:
+    """Power where a mean over some samples leaves none, over that halfway to the next such place: the largest of three.
+
+    Holes are at the even numbers of half a period in the mean, the lobes between them at the odd ones.
+    """
+    place = np.linspace(0.0, samples, power.size)
+    nearest = np.rint(place).astype(int)
+    is_used = (np.abs(place - nearest) < _HALF_HOLE) & (nearest <= 2 * _HOLES + 1)
+    nearest = nearest[is_used]
+    mean = np.bincount(nearest, power[is_used]) / np.bincount(nearest)
+    holes, lobes = mean[2::2], np.append(mean[1::2], np.inf)
+    beside = np.minimum(lobes[: holes.size], lobes[1 : holes.size + 1])
+    return float((holes / beside).max())
 
 
 def _refuse_mean(

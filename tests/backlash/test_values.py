@@ -206,9 +206,9 @@ def test_a_running_mean_is_refused_and_neither_a_short_one_nor_a_low_pass(torque
         refuse_averaged(Recording(T, V, 100.0, 0.4, "log"), torque)
 
 
-@pytest.mark.parametrize(("width", "words"), [(1, None), (2, "a running mean over")])
+@pytest.mark.parametrize(("width", "words"), [(1, None), (4, "a running mean over")])
 def test_beside_a_position_the_torque_is_kept_as_it_was_logged(width, words):
-    """A mean of two samples at 167 Hz hides what the teeth do; that between two positions is ours."""
+    """A mean of four samples at 167 Hz hides what the teeth do; that of two, between two positions, is ours."""
     form, torque = replace(WITH_TORQUE, unit="turns"), mean_of(width)
     log = logs.opened(np.cumsum(V) * 2e-3, form, 3 * T, "position", torque=torque)
     np.testing.assert_array_equal(log.signals[-1], torque[1:])
