@@ -1,5 +1,6 @@
 """The paper, "A virtual sensor for backlash in robotic manipulators": read its files beside it, in this order."""
 
+# A file imports only those before it.
 READING_ORDER = (
     "published",  # every printed number; `data` has them
     "signature",  # the model of a record, and Table 1
@@ -19,13 +20,13 @@ EQUATIONS = {
     1: "signature.d_b",
     2: "signature.f",
     3: "signature.h",
-    4: "signature.h",
+    4: "signature.h",  # T_1 and T_2 in `d_b`, T_d in `f`
     5: "signature.d_b",
     6: "signature.f",
     7: "signature.h",
     8: "joint.K_BL",
     9: "joint.tau_l",
-    10: "characteristic.equation_10",
+    10: "characteristic.equation_10",  # its coefficients: data/cells.csv
     11: "signature.rmse",
     12: "cmaes.sample",
     13: "cmaes.update",
@@ -34,5 +35,5 @@ EQUATIONS = {
     16: "cmaes.update",
     17: "cmaes.update",
     18: "records.add_noise",
-    19: "records.draw_noise",
+    19: "records.draw_noise",  # (A_n - A_min) / dA is twice `records.noise_half_amplitude_rps`
 }

@@ -20,7 +20,7 @@ def printed_coefficients() -> FloatArray:
 
 
 def equation_10(amplitude_rps: FloatArray | float) -> FloatArray:
-    """Equation 10: the backlash [rad] of an amplitude A [rps]; the polynomial itself takes rpm (erratum E1)."""
+    """Equation 10: delta, half the gap [rad], of an amplitude A [rps]; the polynomial itself takes rpm (erratum E1)."""
     A = RPM_PER_RPS * np.asarray(amplitude_rps)
     return Polynomial(printed_coefficients())(A)  # equation 10
 

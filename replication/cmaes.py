@@ -122,10 +122,10 @@ def update(state: State, z: FloatArray, y: FloatArray, B: FloatArray, c: Constan
     c : Constants
     """
     n = state.m.size
-    step = c.weights[: c.mu] @ y[: c.mu]
+    step = c.weights[: c.mu] @ y[: c.mu]  # (equation 13's sum - m) / sigma, as weights sum to 1
     m = state.m + state.sigma * step  # equation 13
 
-    whitened = B @ (c.weights[: c.mu] @ z[: c.mu])  # C^(-1/2) times the mean's step over sigma
+    whitened = B @ (c.weights[: c.mu] @ z[: c.mu])  # C^(-1/2) step
     gain = np.sqrt(c.c_sigma * (2 - c.c_sigma) * c.mu_eff)
     p_sigma = (1 - c.c_sigma) * state.p_sigma + gain * whitened  # equation 14
 

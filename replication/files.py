@@ -1,4 +1,4 @@
-"""What every command needs, and no library: errors that a user can mend, and files that are written whole."""
+"""What every command needs, importing no library: errors that a user can mend, and files that are written whole."""
 
 import errno
 import hashlib

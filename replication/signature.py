@@ -2,7 +2,7 @@
 
 Times in s, speeds in rps, frequencies in rad/s. Equations 5 to 7 are what the authors' program fits, and what stands
 here. Equations 1 to 4 introduce the model with absolute instants; as printed they are not the same: equation 1 has
-another phase, and by equation 4 the turns would be t0 further apart (errata E6, E15).
+another phase, and by equation 4 the turns would be t0 further apart (data/errata.csv, E6 and E15).
 """
 
 from typing import NamedTuple

@@ -1,1 +1,1 @@
-"""What the notebooks beyond the paper compute."""
+"""What we conclude, and what goes beyond the paper."""
