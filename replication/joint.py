@@ -7,10 +7,10 @@ SI units. The motor drives the load through a gear of ratio N and an elastic cou
 delta_theta = theta_m / N - theta_l, and the teeth are free over the gap 2 delta. The joint turns at its commanded
 speed Omega; its state is integrated as deviations from that motion, so that the small signal keeps its digits.
 
-In the gap, equations 8 and 9 do not do what the text says of them (errata E8, E9). K_BL is K_s / 2 at the edge, and in the middle of
-the gap it leaves 2 K_s / (pi alpha delta), which pulls the teeth towards the nearer edge; the torque jumps from
-2 K_s / (pi alpha) to minus that at delta_theta = 0; the term of D_s may pull when the teeth part. The clamped dead
-zone has none of these.
+In the gap, equations 8 and 9 do not do what the text says of them (errata E8, E9). K_BL is K_s / 2 at the edge, and
+in the middle of the gap it leaves 2 K_s / (pi alpha delta), which pulls the teeth towards the nearer edge; the torque
+jumps from 2 K_s / (pi alpha) to minus that at delta_theta = 0; the term of D_s may pull when the teeth part. The
+clamped dead zone has none of these.
 """
 
 import json
