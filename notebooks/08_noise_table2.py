@@ -97,31 +97,24 @@ fits["at_minimum"] = fits["rmse_rps"] / lowest - 1 < table2.BASIN_GAP
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 shown = fits[(fits["row"] == shown_row) & (fits["realisation"] == min(public))]
-printed_mean, printed_sd = (
-    published.column("Table 2", name)[shown_row - 1] for name in ("mean", "sd")
-)
+cell = f"table2.row{shown_row:02d}"
+printed_mean, printed_sd = map(published.value, (f"{cell}.mean", f"{cell}.sd"))
 figure, axis = figures.panel(2.6)
 for there, part in shown.groupby("at_minimum"):
     label = f"{'global minimum' if there else 'elsewhere'}: {len(part)}"
-    mark, at = "xo"[int(there)], (part["A_rps"].abs(), part["rmse_rps"])
-    axis.plot(*at, mark, mfc="none", label=label)
-line = {"color": figures.INK, "linestyle": "--", "linewidth": 0.8}
-axis.axvline(printed_mean, label="printed mean", **line)
+    at = part["A_rps"].abs(), part["rmse_rps"]
+    axis.plot(*at, "xo"[there], mfc="none", label=label)
+axis.axvline(printed_mean, label="printed mean", linestyle="--", **figures.THIN)
 axis.locator_params(axis="x", nbins=5)
 axis.set(xlabel="$|A|$ [rps]", ylabel="RMSE [rps]")
 inside = shown["A_rps"].abs()[shown["at_minimum"]]
 answer = "Yes" if len(inside) == len(shown) else "No"
-alone = (
-    f", of these alone {inside.std():.4f} rps"
-    if 1 < len(inside) < len(shown)
-    else ""
-)
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),
     f"{answer}: of the runs on row {shown_row}, R = {min(public)}, {len(inside)} "
     f"of {len(shown)} end at the global minimum. The SD of all $A$ is "
-    f"{shown['A_rps'].abs().std():.4f} rps{alone}, printed {printed_sd:g}.",
+    f"{shown['A_rps'].abs().std():.4f} rps, printed {printed_sd:g}.",
 )
 
 # %% [markdown]
@@ -185,11 +178,10 @@ share
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 fewest, most = share.to_numpy().min(), share.to_numpy().max()
-by_chance = 2.5 * np.sqrt(runs_each)  # the range of fifty records of one chance
 workbook.say(
-    f"The fewest: {fewest} of {runs_each} runs, the most: {most}"
-    + (": the chance depends on the record." if most - fewest > by_chance else ".")
-    + " Where none does, the search failed, and the mean of $A$ is that of local "
+    f"The fewest: {fewest} of {runs_each} runs, the most: {most}; of one chance "
+    f"fifty records would range over some {2.5 * np.sqrt(runs_each):.0f} runs. "
+    "Where none does, the search failed, and the mean of $A$ is that of local "
     "minima."
 )
 
@@ -200,14 +192,15 @@ workbook.say(
 # [theoretical $A$](glossary.md#theoretical-a), beside the printed means. *Predict:* is it zero?
 
 # %%
-theoretical = pd.Series(published.column("Table 2", "theoretical"), range(1, 12))
-means = pd.Series(published.column("Table 2", "mean"), range(1, 12))
+names = ["theoretical", "mean", "sd"]
+printed = pd.DataFrame(
+    {name: published.column("Table 2", name) for name in names}, range(1, 12)
+)
 own = {row: best_fit(clean[row]) for row in range(2, 11)}
+own_error = pd.DataFrame(index=own.keys())
 own_A = pd.Series({row: fit.amplitude_rps for row, fit in own.items()})
-own_error = pd.DataFrame(
-    {"without noise [%]": 100 * (own_A / theoretical - 1)}
-).dropna()
-own_error["printed mean [%]"] = 100 * (means / theoretical - 1)
+own_error["without noise [%]"] = 100 * (own_A / printed["theoretical"] - 1)
+own_error["printed mean [%]"] = 100 * (printed["mean"] / printed["theoretical"] - 1)
 own_error.round(1) + 0.0  # no -0.0
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -247,10 +240,10 @@ workbook.say(f"{between.mean():.3f} of the draws, {1 - 2 / 6:.3f} expected.")
 kept = read_realisations()
 kept = kept[kept["protocol"].isin([each.name for each in table2.SETTINGS])]
 of_rows = kept.groupby("row")
-regions = pd.DataFrame({"theoretical": theoretical})
+regions = printed[["theoretical"]]
 cells = {}
 for name in ("mean", "sd"):
-    regions[name] = pd.Series(published.column("Table 2", name), range(1, 12))
+    regions[name] = printed[name]
     regions[f"{name}_ours"] = of_rows[f"{name}_A_rps"].median()
     ends = of_rows[f"{name}_A_rps"].apply(prediction_interval).tolist()
     regions[[f"{name}_low", f"{name}_high"]] = ends
@@ -372,26 +365,22 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-a_row_10 = published.value("table2.row10.noise")
-workbook.check_answer(
-    together_rps, np.sqrt(a_row_10**2 / 3 + own[10].rmse ** 2), to=0.005
-)
+together = np.hypot(0.1789 / np.sqrt(3), own[10].rmse)
+workbook.check_answer(together_rps, together, to=0.005)
 
 # %% [markdown]
 # **2.** Of 30 runs 29 end at the same $A$ and one elsewhere. How far off (`distance_rps` [rps], to
 # 0.002) is the one run that would give the SD printed in row 10?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-distance_rps = regions["sd"].loc[10] * np.sqrt(30)
+distance_rps = printed["sd"][10] * np.sqrt(30)
 print(
-    f"{distance_rps:.3f} rps, {100 * distance_rps / means[10]:.0f} % of the "
+    f"{distance_rps:.3f} rps, {100 * distance_rps / printed['mean'][10]:.0f} % of the "
     "printed mean"
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-of_one = np.std([1.0] + 29 * [0.0], ddof=1)  # the SD if one run is 1 off
-sd_row_10 = published.value("table2.row10.sd")
-workbook.check_answer(distance_rps, sd_row_10 / of_one, to=0.002)
+workbook.check_answer(distance_rps, printed["sd"][10] * np.sqrt(30), to=0.002)
 
 # %% [markdown]
 # **3.** A run finds the global minimum with the probability 1/3. How many runs (`runs_needed`, a
@@ -402,8 +391,7 @@ runs_needed = np.ceil(np.log(0.01) / np.log(2 / 3))
 print(f"{runs_needed:.0f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-fails = 1 - 1 / 3  # the probability that a run does
-workbook.check_answer(runs_needed, lambda n: fails**n <= 0.01 < fails ** (n - 1))
+workbook.check_answer(runs_needed, 12)  # (2 / 3)**12 < 0.01 < (2 / 3)**11
 
 # %% [markdown]
 # **What you have learnt**: a cost with many minima makes an SD depend on the few runs that miss the
