@@ -13,7 +13,7 @@ from replication import figures, published
 from replication.best_fit import best_fit
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
-from replication.signature import Parameters, Timing
+from replication.signature import Parameters, Timing, h
 from replication.table2 import SearchSettings
 from workbook import Change
 
@@ -228,30 +228,18 @@ workbook.show(
 # $$f(t - t_0) = d_b(t - t_0) - d_b(t - (t_0 + T_d)) \tag{6}$$
 #
 # $$h(t) = \sum_{i=1}^{n} f(t - (t_0 + (i - 1)\,T_f)) \tag{7}$$
+#
+# `replication.signature` has these equations; [notebook 5](05_signature_figure6.ipynb) writes them.
 
 # %%
 timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=12)
-
-
-def d_b(t, X, start):  # equation 5, with `start` in place of t_0
-    since = t - start
-    gate = (since >= X.T1) & (since <= X.T2)
-    return gate * X.A * np.exp(-(since - X.T1) * X.tau) * np.sin(X.omega * since)
-
-
-def f(t, X, start):  # equation 6
-    return d_b(t, X, start) - d_b(t, X, start + timing.T_d)
-
-
-def h(t, X):  # equation 7
-    return sum(f(t, X, X.t0 + i * timing.T_f) for i in range(timing.n))
-
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
 example = Parameters(A=0.5, t0=0.05, tau=15, omega=132, v_t=v_t, T2=0.18, T1=0.01)
 first = t[t < 1]
+example_h = h(first, example, timing)
+
+# %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.show(
-    figures.signature_parameters(first, h(first, example), example, timing),
+    figures.signature_parameters(first, example_h, example, timing),
     "(a) The signature: each turn has two oscillations of opposite sign. (b) The "
     "first one, $d_b$, while its gate is open; its envelope (dashed) decays.",
 )
@@ -272,14 +260,11 @@ A = best.amplitude_rps
 lines = {
     "log, sixth turn": (t, v - best.X.v_t, DOTS),
     "without noise": (t, clean - best.X.v_t, figures.WIDE),
-    "best signature $h$": (t, h(t, best.X), figures.FIT),
+    "best signature $h$": (t, h(t, best.X, timing), figures.FIT),
 }
 noise_sd = (v - clean).std()
 apart_s = np.diff(fine.impacts[fine.impacts >= T_f][:2]).sum()
-left_rps = np.sqrt(np.mean((v - best.X.v_t - h(t, best.X)) ** 2))
-if not np.isclose(left_rps, best.rmse, rtol=1e-3):
-    rest = "`best_fit` fits equations 5 to 7 as printed, not the code above."
-elif best.rmse < 1.02 * noise_sd:
+if best.rmse < 1.02 * noise_sd:
     rest = "So the signature follows the log as well as the noise allows."
 elif not np.isclose(turn_period_s, T_f, atol=1e-4):
     rest = f"A turn takes {T_f:g} s, and in the model {turn_period_s:g} s."
@@ -291,7 +276,7 @@ workbook.show(
     figures.curves(
         lines, "time [s]", "$r$ [rps]", columns=3, xlim=(5 * T_f, 6 * T_f)
     ),
-    f"The best signature leaves {left_rps:.3f} rps; the noise alone has the SD "
+    f"The best signature leaves {best.rmse:.3f} rps; the noise alone has the SD "
     f"(standard deviation) {noise_sd:.3f} rps. {rest}",
 )
 

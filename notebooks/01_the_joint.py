@@ -1,13 +1,12 @@
 # %% [markdown]
 # # 1 · The joint: its dead zone (figure 9), and why its motor speed rings
 #
-# *You will see what a dead zone is, solve the joint's equations with SciPy, and build up its ring, one
-# term a step. Before this: notebook [0](00_the_sensor.ipynb).*
+# *You will see what a dead zone is, what holds the motor, and build up the joint's ring, one term a
+# step. Before this: notebook [0](00_the_sensor.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 import numpy as np
 import pandas as pd
-from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit, newton
 
 import workbook
@@ -169,7 +168,7 @@ workbook.show_figure(
 # In the middle equation 8 is about $2 K_s / (\pi\alpha\delta)$: equation 9 jumps by
 # $2 \delta K_{BL}(0, \delta)$.
 #
-# ### The same with SciPy
+# ### The drive
 #
 # The drive compares, at $t_k = k T_c$ with $T_c$ = 0.5 ms, the motor's angle and speed with those
 # commanded, $N\theta_0 + \Omega t_k$ and $\Omega$ = 2π · 100 rad/s ($\theta_0$: the load's angle at
@@ -186,72 +185,9 @@ workbook.show_figure(
 # The torque $u_k$ [N m] is applied one period late and held, and the current loop follows with the
 # lag $T_\tau$ [s]: $T_\tau \dot\tau_m = u_{k-1} - \tau_m$ for $t_k \le t < t_{k+1}$.
 #
-# `solve_ivp` solves the same equations, period by period. *Predict:* do they agree with `simulate`?
-
-
-# %%
-def rates(_, state, u, j):
-    theta_m, omega_m, theta_l, omega_l, tau_m = state
-    x = theta_m / j.N - theta_l
-    tau_l = j.K_s * (x - np.clip(x, -delta, delta))
-    load = j.G * np.sin(theta_l) + j.load_coulomb * np.sign(omega_l)
-    return (
-        omega_m,
-        (tau_m - tau_l / j.N) / j.J_m,
-        omega_l,
-        (tau_l - load) / j.J_l,
-        (u - tau_m) / j.torque_lag,
-    )
-
-
-# %%
-def drive(k, theta_m, omega_m, before, integral, w, j):
-    commanded = j.N * j.start_angle + j.Omega * k * j.period
-    e = j.K_pos * (commanded - theta_m) + j.Omega - omega_m
-    integral += j.K_i * j.period * e
-    w += j.period * (j.Omega - omega_m - j.w_rate * w)
-    derivative = (omega_m - before) / j.period
-    u = j.K_p * e + integral + j.K_w * w - j.K_d * derivative
-    return u, integral, w
-
-
-# %%
-def solve_joint(j, seconds):  # motor speed at each period of the drive
-    first = -round(j.lead / j.period)  # before the record begins, teeth in contact
-    theta_l = j.start_angle + j.Omega / j.N * first * j.period
-    tau_l = j.G * np.sin(theta_l) + j.load_coulomb
-    twist = np.sign(tau_l) * delta + tau_l / j.K_s
-    u = integral = tau_l / j.N
-    state = j.N * theta_l, j.Omega, theta_l - twist, j.Omega / j.N, u
-    w, before, speeds = 0.0, j.Omega, []
-    for k in range(first, round(seconds / j.period) + 1):
-        theta_m, omega_m = state[:2]
-        speeds.append(omega_m)
-        held = u  # computed one period ago
-        u, integral, w = drive(k, theta_m, omega_m, before, integral, w, j)
-        before = omega_m
-        limits = {"rtol": 1e-8, "atol": 1e-9}
-        run = solve_ivp(rates, (0, j.period), state, args=(held, j), **limits)
-        state = run.y[:, -1]
-    return np.array(speeds[-first:])
-
-
-r_scipy = solve_joint(joint, 0.8) / (2 * np.pi) - 100
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-t_k, of_simulate = t[::5][: r_scipy.size], r[::5][: r_scipy.size]
-apart_rps = np.abs(r_scipy - of_simulate)[t_k >= 0.4].max()
-both = {
-    "simulate": (t_k, of_simulate, figures.WIDE),
-    "SciPy": (t_k, r_scipy, figures.FIT),
-}
-workbook.show(
-    figures.curves(both, "time [s]", "$r$ [rps]", xlim=(0.4, 0.8)),
-    f"{'They do' if apart_rps < 0.01 else 'No, their equations differ'}: the "
-    f"largest difference in the second turn is {max(apart_rps, 1e-5):.2g} rps.",
-)
-
-# %% [markdown]
+# `replication.joint.simulate` solves these equations (`drive`, `rates`); a test compares it with SciPy's
+# `solve_ivp`.
+#
 # ### Why it rings near 21 Hz, and decays
 #
 # With the teeth in contact the joint is linear: it rings, with the decay $\sigma$ [1/s]. If the

@@ -5,15 +5,13 @@
 # choice. Before this: notebook [0](00_the_sensor.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-from collections import namedtuple
-
 import numpy as np
 import pandas as pd
 
 import workbook
 from replication import cmaes, figures, published, signature
 from replication.records import load_clean
-from replication.signature import Box, Parameters, Timing, table1_box
+from replication.signature import Parameters, Timing, table1_box
 from workbook import Change
 
 workbook.say_times("05_signature_figure6")
@@ -87,23 +85,17 @@ turns = 2  # turns in figure 6
 # What the fit minimises: "RMSE", "L1" (the mean absolute residual), or a function
 # of the residual.
 cost = "RMSE"
-# Of further parameters that you give the signature: {"beat": (100.0, 500.0)}.
-more_bounds = {}
+
 seeds = 3  # searches of each fit
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-with workbook.explain("more_bounds", more_bounds):
-    fields = [*Parameters._fields, *more_bounds]
-    Yours = namedtuple("Yours", fields, defaults=[0] * len(more_bounds))
 workbook.check_parameters(
     globals(),
     run=range(1, 31),
     turns=range(1, 13),
     cost=("RMSE", "L1", callable),
-
     seeds=range(2, 31),
 )
-workbook.check_bounds("more_bounds", more_bounds)
 
 
 def rmse(residual):
@@ -123,8 +115,7 @@ with workbook.explain("cost", getattr(cost, "__name__", cost)):
 # ### The signature in ten lines
 #
 # `replication.signature` has the same functions. Change a line, and the fit below has your
-# signature. A further parameter of yours is `X.beat`, say, with its bounds in `more_bounds`; in the
-# stored runs it is 0.
+# signature.
 
 
 # %%
@@ -148,13 +139,13 @@ def h(t, X, T_d, T_f, n):  # equation 7
 # %%
 stored_runs = published.table("authors_notebook_runs").set_index("run")
 stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)
-stored_X = [Yours(*row) for row in stored_X]
+stored_X = [Parameters(*row) for row in stored_X]
 X = stored_X[run - 1]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t = np.arange(0, turns * 0.4 + 0.1, 1e-4)
 same_signature = all(
-    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X[:7]))
+    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X))
     for X in stored_X
 )
 fine = X.t0 + np.linspace(0, 0.4, 40_001)
@@ -164,9 +155,7 @@ whose = "the paper's" if same_signature else "your"
 late = first[fine > lasts.max() - np.pi / X.omega].max()
 workbook.show_figure(
     "figure06_signature",
-    figures.signature_parameters(
-        t, h(t, X, 0.2, 0.4, turns), X[:7], Timing(n=turns)
-    ),
+    figures.signature_parameters(t, h(t, X, 0.2, 0.4, turns), X, Timing(n=turns)),
     f"(a) The signature of {turns} turn{'s' if turns > 1 else ''} at the "
     f"parameters of stored run {run}, by {whose} code. (b) Its first oscillation: "
     f"{1e3 * np.ptp(lasts):.0f} ms long, at most {first.max():.2f} rps; in its "
@@ -249,9 +238,8 @@ workbook.say(
 
 # %%
 t_fit, v_fit = record.t[200:400], record.v[200:400]
-ends = zip(*table1_box(t_fit, v_fit), strict=True)
-bounds = dict(zip(Parameters._fields, ends, strict=True))
-bounds |= {"t0": (0.0, 0.4)} | more_bounds  # t0 lies in the turn before
+box = table1_box(t_fit, v_fit)
+box.lower[1], box.upper[1] = 0.0, 0.4  # t0 lies in the turn before
 
 
 def your_residual(X):
@@ -263,29 +251,28 @@ def paper_residual(X):
 
 
 # %%
-def best_of_seeds(residual, criterion, kind):  # of parameters: paper's, or yours
+def best_of_seeds(residual, criterion):
     # Of all members at once: a row each, and a column a sample.
     def misfits(members):
-        residuals = residual(kind(*members.T[:, :, None]))
+        residuals = residual(Parameters(*members.T[:, :, None]))
         return np.array([criterion(each) for each in residuals], dtype=float)
 
-    box = Box(*np.array([bounds[name] for name in kind._fields]).T)
     ends = [
         cmaes.search(cmaes.generations(misfits, box, seed, 300), iterations=200)
         for seed in range(1, seeds + 1)
     ]
     best = min(ends, key=lambda end: end.misfit)
-    X = kind(*best.best)
+    X = Parameters(*best.best)
     alike = sum(end.misfit <= 1.02 * best.misfit for end in ends)
     return {"|A| [rps]": abs(X.A), "RMSE [rps]": rmse(residual(X)), "alike": alike}
 
 
 # %%
-changed = not same_signature or cost != "RMSE" or bool(more_bounds)
-rows = {"the paper's": best_of_seeds(paper_residual, rmse, Parameters)}
+changed = not same_signature or cost != "RMSE"
+rows = {"the paper's": best_of_seeds(paper_residual, rmse)}
 with workbook.explain("cost", getattr(cost, "__name__", cost)):
     if changed:
-        rows["yours"] = best_of_seeds(your_residual, criterion, Yours)
+        rows["yours"] = best_of_seeds(your_residual, criterion)
 fits = pd.DataFrame.from_dict(rows, orient="index").round(4)
 fits.rename(columns={"alike": f"searches of {seeds} that end there"})
 
@@ -370,7 +357,7 @@ workbook.try_changing(
 # committed notebooks. All are of the stored run 8.
 
 # %%
-X8 = Parameters(*stored_X[7][:7])
+X8 = stored_X[7]
 literal_rmse = shift_s = factor = np.nan  # your answers
 
 # %% [markdown]
@@ -385,7 +372,7 @@ literal_rmse = shift_s = factor = np.nan  # your answers
 # equation 4?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-h_literal = h(record.t, stored_X[7], X8.t0 + 0.2, X8.t0 + 0.4, 12)
+h_literal = h(record.t, X8, X8.t0 + 0.2, X8.t0 + 0.4, 12)
 literal_rmse = rmse(record.v - X8.v_t - h_literal)
 print(
     f"{literal_rmse:.3f} rps, {literal_rmse / stored_rmse[7]:.1f} times the stored "

@@ -223,15 +223,8 @@ workbook.say(
 # Put $N + 1$ numbers of one kind in order. The last one to be drawn is as likely to have any of the
 # $N + 1$ ranks. So it is below the $k$-th smallest of the other $N$ with the probability
 # $k/(N + 1)$, above the $k$-th largest with the same, and between them with $1 - 2k/(N + 1)$,
-# whatever their law. A toy with $N$ = 5 uniform numbers, $k$ = 1. *Predict:* its share?
-
-# %%
-drawn = np.random.default_rng(1).random((20_000, 6))
-others, one_more = drawn[:, :5], drawn[:, 5]
-between = (others.min(axis=1) < one_more) & (one_more < others.max(axis=1))
-workbook.say(f"{between.mean():.3f} of the draws, {1 - 2 / 6:.3f} expected.")
-
-# %% [markdown]
+# whatever their law. *Predict:* with $N$ = 5, how sure is it that the sixth lies between the others?
+#
 # Here $k$ is the largest that gives 95 %. A printed number *agrees* if it lies in the interval. The
 # rule was chosen after the numbers were known, and the $N$ numbers mix eight settings, of which the
 # paper used one at most: both make agreement easier.

@@ -20,11 +20,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("on_simulated_records")]
         ("03", {"changes": {"K_p": 50.0}}),
         ("04", {"changes": {"N": 0.0}}),
         ("05", {"cost": max}),
-        ("05", {"more_bounds": {"beat": (1.0,)}}),
-        ("05", {"more_bounds": {"A": (0.0, 1.0)}}),
         ("06", {"left_out": [1, 2, 3, 4, 5, 6]}),
         ("07", {"box": {"t0": (0.2, 0.1)}}),
-        ("07", {"optimiser": lambda misfits, box, seed: None, "seeds": [1]}),
         ("08", {"runs_each": 1}),
         ("09", {"measure_mrad": 0.5}),
         ("09", {"shaking": 1.0}),
@@ -89,24 +86,18 @@ def test_one_joint_is_not_called_joints(run_notebook, hardware_logs):
     assert run.said[-1] == "No joint of these logs has a second encoder."
 
 
-def take_middle(misfits, box, seed):
-    """A search that fails."""
-    return (box.lower + box.upper) / 2
-
-
 def twice_rmse(residual):
     """A cost that changes nothing."""
     return 2 * np.sqrt(np.mean(residual**2))
 
 
 # Before its amplitude is named.
-FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest RMSE.*"
+FAILED = "^In this run no run finds the lowest RMSE.*"
 
 
 @pytest.mark.parametrize(
     ("name", "parameters", "code", "says"),
     [
-        ("00", {}, "np.sin(X. → np.cos(X.", "as printed, not the code above"),
         ("00", {"backlash_mrad": 0.05}, "", "From ±0.1 rps on"),
         ("00", {}, "(0.1, 0.2, 0.5, 1.0, 2.0) → (0.01, 0.02)", "At none of these"),
         # The shape of the ring is named later.
@@ -122,7 +113,6 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
             "clean + noise, → clean + 2 * noise,",
             r"has the SD \(standard deviation\) 0\.11",
         ),
-        ("01", {}, "held = u → held = 1.1 * u", "No, their equations differ"),
         ("03", {"alphas": [1e3], "start_factor": 1.0}, "", r"\$\\alpha\$ = none\. "),
         (
             "03",
@@ -149,7 +139,7 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
         ("05", {"seeds": 2}, "", "first turn begins with a transient"),
         ("05", {"cost": twice_rmse, "seeds": 2}, "", r"1\.00 times as much, with its \$\|A\|\$\."),
         ("06", {"degree": 2}, "", r"^It could in .*A\^3 \(-0\.0019 to -0\.0018\)"),
-        ("07", {"seeds": [2, 2]}, "", "1 of 1 run of CMA-ES"),
+        ("07", {"seeds": [2, 2]}, "", "1 of 1 run ended"),
         ("07", {"seeds": [1], "iterations": 3}, "", "^It goes into a wrong one"),
         ("07", {"seeds": [3], "iterations": 3}, "", "^It goes into the right one"),
         (
@@ -159,7 +149,6 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
             f"{FAILED}Stopped by the limit, `iterations` = 10: 1 of 1",
         ),
         ("07", {"population": 4, "seeds": [1]}, "", rf"{FAILED}so its \|A\| says nothing"),
-        ("07", {"optimiser": take_middle, "seeds": [1]}, "", FAILED.replace("CMA-ES|", "")),
         ("07", {"box": {"T2": (0.0, 0.4)}}, "", "in the authors' box: this box is another"),
         ("08", {"public": [1], "runs_each": 2}, "0.4, 401 → 0.04, 401", "Minima in 40 ms: "),
         # No mean of Table 2 is said to be this run's.
