@@ -383,7 +383,7 @@ workbook.try_changing(
         "the ring of the log above can hardly be seen, yet the fit averages over "
         "twelve turns and still ends within a half of the truth",
         lambda now, was: (
-            now.noise_sd > 0.9 * now.clean.std() > was.noise_sd
+            now.noise_sd > 0.9 * now.clean.std()
             and abs(now.estimate_mrad / now.backlash_mrad - 1) < 0.5
         ),
     ),

@@ -187,11 +187,10 @@ points.map("{:.4g}".format)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 error = points["error"].abs()
-worst, off_A = error.idxmax(), 100 * np.abs(mean / theoretical - 1)
 workbook.say(
-    f"Row {worst + 1}, {1e3 * error.max():.2g} mrad: its $A$ is "
-    f"{off_A[worst]:.1f} % off (row {off_A.argmax() + 1}'s, the farthest, "
-    f"{off_A.max():.1f} %), and the wider the gap, the steeper is the curve."
+    f"Row {error.idxmax() + 1}, {1e3 * error.max():.2g} mrad, though it is not the "
+    "row whose $A$ is the farthest off in percent: the wider the gap, the steeper "
+    "is the curve."
 )
 
 # %% [markdown]
@@ -331,11 +330,7 @@ workbook.check_answer(inverse_mrad, crossing, to=0.002)
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 rounding_urad = 0.5e-4 * (60 * theoretical[-1]) ** 3
-points_rmse = fit_polynomial(60 * theoretical, delta)[1]
-print(
-    f"{rounding_urad:.1f} µrad, {1e-6 * rounding_urad / points_rmse:.1f} times the "
-    "RMSE"
-)
+print(f"{rounding_urad:.1f} µrad; the fit's RMSE is {1e6 * fitted_rmse:.1f} µrad")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
 workbook.check_answer(rounding_urad, 0.5e-4 * (60 * theoretical[-1]) ** 3, to=1)

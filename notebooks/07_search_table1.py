@@ -200,8 +200,7 @@ for _ in range(30):
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t0, omega = (np.linspace(*ends, 100) for ends in zip(*two, strict=True))
-grid = np.stack(np.meshgrid(t0, omega), axis=-1)
-height = misfits_of_two(grid.reshape(-1, 2)).reshape(grid.shape[:2])
+height = [misfits_of_two(np.c_[t0, np.full(100, each)]) for each in omega]
 deepest = best.X.t0 % 0.4, best.X.omega
 turned = np.linspace(0, 2 * np.pi, 60)
 circle = 2 * np.c_[np.cos(turned), np.sin(turned)]
@@ -334,10 +333,7 @@ workbook.try_changing(
         "population = 20",
         "ten members make the mean, and no run finds the lowest misfit; most use "
         "up all generations without settling",
-        lambda now, was: (
-            now.found.sum() == 0 < was.found.sum()
-            and now.limited > len(now.runs) / 2 > was.limited - 1
-        ),
+        lambda now, was: now.found.sum() == 0 and now.limited > len(now.runs) / 2,
     ),
     Change(
         'box = {"A": (-0.6, 0.6)}',
@@ -353,8 +349,7 @@ workbook.try_changing(
         "iterations = 60",
         "no run has settled by then, and fewer are at the lowest misfit",
         lambda now, was: (
-            now.limited == len(now.runs) > was.limited
-            and now.found.sum() < was.found.sum()
+            now.limited == len(now.runs) and now.found.sum() < was.found.sum()
         ),
     ),
 )

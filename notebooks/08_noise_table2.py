@@ -314,9 +314,7 @@ workbook.try_changing(
     Change(
         "population = 30",
         "most searches end in local minima",
-        lambda now, was: (
-            now.fits["at_minimum"].mean() < 0.5 < was.fits["at_minimum"].mean()
-        ),
+        lambda now, was: now.fits["at_minimum"].mean() < 0.5,
     ),
     Change(
         "noise_factor = 8.0",
@@ -330,10 +328,7 @@ workbook.try_changing(
         'criteria = {"local_minima": 0.99}',
         "if 99 % of the runs had to succeed, no population would do, and the claim "
         "would fail",
-        lambda now, was: (
-            now.decided["local_minima"][0] in [False]
-            and was.decided["local_minima"][0] not in [False]
-        ),
+        lambda now, was: now.decided["local_minima"][0] in [False],
     ),
 )
 

@@ -288,14 +288,7 @@ healthy = simulated_joints.Fault()
 rng = np.random.default_rng((bench_seed, 5))
 
 
-def keeps_speed(made):
-    speed = simulated_joints.run_turns(made, healthy)[:, 0]
-    return np.abs(speed / made.speed - 1).max() < 0.1
-
-
-swung = None
-while swung is None or not keeps_speed(swung):  # its drive is drawn, too
-    swung = simulated_joints.draw_joint(rng, backlash_rad, 1.5, 100, 0.1, 0.05)
+swung = simulated_joints.draw_joint(rng, backlash_rad, 1.5, 100, 0.1, 0.05)
 ends_rad = np.radians([-75, 70])  # of the load, from where it hangs
 moved, wanted = simulated_joints.run_strokes(swung, healthy, ends_rad)
 runs = {"turns": simulated_joints.run_turns(swung, healthy), "strokes": moved}
@@ -417,10 +410,7 @@ workbook.try_changing(
         "friction_share = 1.2",
         "friction above gravity holds the load on one flank, it never crosses the "
         "gap, and the sensor refuses",
-        lambda now, was: (
-            now.by_torque.backlash_rad is None
-            and now.by_torque.verdict == "cannot tell" != was.by_torque.verdict
-        ),
+        lambda now, was: now.by_torque.verdict == "cannot tell",
     ),
 )
 

@@ -357,7 +357,7 @@ workbook.try_changing(
     Change(
         "gain_factor = 0.6",
         "a drive that the fit does not know: no joint of this kind fits",
-        lambda now, was: now.chance < 1e-3 < was.chance,
+        lambda now, was: now.chance < 1e-3,
     ),
     Change(
         "levels = [11]",

@@ -347,10 +347,7 @@ workbook.try_changing(
     Change(
         'criteria = {"random_start": 0.6}',
         "so strict a limit excludes every drawn start, and the claim does not hold",
-        lambda now, was: (
-            now.decided["random_start"][0] is False
-            and was.decided["random_start"][0] is None
-        ),
+        lambda now, was: now.decided["random_start"][0] is False,
     ),
     Change(
         "most = 20",
@@ -365,10 +362,7 @@ workbook.try_changing(
         "shifts = [0.01]",
         "the bounds of $A$ are not found, because the stored runs had them further "
         "out",
-        lambda now, was: (
-            np.isnan(now.cells["table1.A.max"])
-            and np.isfinite(was.cells["table1.A.max"])
-        ),
+        lambda now, was: np.isnan(now.cells["table1.A.max"]),
     ),
 )
 

@@ -177,10 +177,7 @@ workbook.try_changing(
     Change(
         'makes = ["KUKA"]',
         "the axes with a second encoder alone",
-        lambda now, was: (
-            now.chosen["load_encoder"].all()
-            and not was.chosen["load_encoder"].all()
-        ),
+        lambda now, was: now.chosen["load_encoder"].all(),
     ),
 )
 
