@@ -80,7 +80,7 @@ def turn_rps(delta_mrad, stiffness):
     return joint.simulate(made, 1e-3 * delta_mrad, duration=0.4).v[:-1]
 
 
-truth, steps = np.array([backlash_mrad, 1.0]), np.diag([1e-3, 1e-3])
+truth, steps = np.array([backlash_mrad, 1.0]), 1e-3 * np.eye(2)
 measured = turn_rps(*truth) + np.random.default_rng(1).normal(0, sigma, 200)
 changed = [turn_rps(*(truth + h)) - turn_rps(*(truth - h)) for h in steps]
 J = np.array(changed).T / (2e-3 * sigma)

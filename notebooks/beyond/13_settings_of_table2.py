@@ -12,7 +12,7 @@ import pandas as pd
 import workbook
 from replication import cmaes, figures, misfit, published, table2
 from replication.records import load_clean
-from replication.signature import Box, Parameters
+from replication.signature import Box, Parameters, table1_box
 from studies import claims as measures
 from studies import multiverse as evidence
 from studies import prediction, replay, starts
@@ -142,7 +142,7 @@ def count_replayed(bounds):
 # %%
 of_authors = table2.search_box(clean, table2.NOTEBOOK)
 factor = table2.NOTEBOOK.amplitude_factor
-printed = Box(*(np.r_[each[0] / factor, each[1:]] for each in of_authors))
+printed = table1_box(clean.t, clean.v)
 tried = {}
 for end, side in enumerate(("min", "max")):
     for at, name in enumerate(Parameters._fields):
@@ -206,21 +206,19 @@ workbook.say(
 # %%
 peers = workbook.read_kept("peers").set_index("search")
 sizes = {"ours": "ours, population 300", "ours, 600": "ours, population 600"}
-peers = peers.rename(index=sizes)
-peers = peers.sort_values("seconds_to_99_percent", ascending=False)
+seconds = peers.rename(index=sizes)["seconds_to_99_percent"]
+seconds = seconds.sort_values(ascending=False)
 figure, axis = figures.panel(0.25 * len(peers) + 0.6)
-axis.semilogx(peers["seconds_to_99_percent"], peers.index, "o", **figures.OURS)
+axis.semilogx(seconds, seconds.index, "o", **figures.OURS)
 axis.set(xlabel="CPU time [s]", ylabel="search")
-quickest, slowest = peers.iloc[-1], peers.iloc[0]
-ratio = slowest["seconds_to_99_percent"] / quickest["seconds_to_99_percent"]
 workbook.show_figure(
     "search_peers",
     figure,
     "CPU time of repeated runs until one of them has found the best minimum with "
     "99 %; all with our compiled misfit and a population of 300, but where another "
     f"is named. {peers['runs'].min()} to {peers['runs'].max()} runs each. Soonest: "
-    f"{quickest.name}, {quickest['seconds_to_99_percent']:.2g} s. {slowest.name} "
-    f"takes {ratio:,.0f} times as long.",
+    f"{seconds.idxmin()}, {seconds.min():.2g} s. {seconds.idxmax()} takes "
+    f"{seconds.max() / seconds.min():,.0f} times as long.",
 )
 
 # %% [markdown]
