@@ -13,7 +13,7 @@ from replication import figures, published
 from replication.best_fit import best_fit
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
-from replication.signature import Parameters, Timing, h
+from replication.signature import Timing, h
 from replication.table2 import SearchSettings
 from workbook import Change
 
@@ -229,28 +229,16 @@ workbook.show(
 #
 # $$h(t) = \sum_{i=1}^{n} f(t - (t_0 + (i - 1)\,T_f)) \tag{7}$$
 #
-# `replication.signature` has these equations; [notebook 5](05_signature_figure6.ipynb) writes them.
-
-# %%
-timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=12)
-example = Parameters(A=0.5, t0=0.05, tau=15, omega=132, v_t=v_t, T2=0.18, T1=0.01)
-first = t[t < 1]
-example_h = h(first, example, timing)
-
-# %% jupyter={"source_hidden": true} tags=["hide-input"]
-workbook.show(
-    figures.signature_parameters(first, example_h, example, timing),
-    "(a) The signature: each turn has two oscillations of opposite sign. (b) The "
-    "first one, $d_b$, while its gate is open; its envelope (dashed) decays.",
-)
-
-# %% [markdown]
+# `replication.signature` has these equations; [notebook 5](05_signature_figure6.ipynb) writes and draws
+# them.
+#
 # The fit: `best_fit` looks for the seven parameters, $v_t$ among them, with which the root mean
 # square (RMSE) of $r - h$ is the smallest. How the paper searches for them, and how such a search
 # may fail: notebooks [7](07_search_table1.ipynb) and [8](08_noise_table2.ipynb). *Predict:* how much
 # will it leave?
 
 # %%
+timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=12)
 settings = SearchSettings(amplitude_factor=1.0, timing=timing)
 with workbook.explain("turn_period_s", turn_period_s):
     best = best_fit(log, settings)

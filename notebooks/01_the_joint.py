@@ -90,7 +90,7 @@ with workbook.explain("changes", changes):
     if impacts.size < 2 or impacts[1] < impacts[0] + 0.1:
         raise ValueError("the teeth do not meet, or bounce: there is no ring")
 apart_s = impacts[1] - impacts[0]
-figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=3.8, sharex=True)
+figure, upper, lower = figures.stack(2, 3.8)
 upper.fill_between(t, carried, where=carried > 0, label="the motor drives the load")
 upper.fill_between(t, carried, where=carried < 0, label="the load drives the motor")
 lower.plot(t, r, **figures.FIT)
@@ -144,7 +144,7 @@ curves = {
 }
 softest = min(alphas)
 at_edge, in_middle = K_BL(np.array([delta, 0]), softest) / joint.K_s
-figure, ((stiffness,), (torque,)) = figures.grid(2, 1, height_in=4.8, sharex=True)
+figure, stiffness, torque = figures.stack(2, 4.8)
 for label, (of_stiffness, of_torque) in curves.items():
     stiffness.plot(1e3 * x, of_stiffness, label=label, linewidth=2.5)
     torque.plot(1e3 * x, of_torque, linewidth=2.5)
@@ -367,7 +367,7 @@ alpha_1_percent = 1e-3 * np.tan(0.99 * np.pi / 2) / 15e-4
 print(f"{alpha_1_percent:.1f} thousand per rad")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(alpha_1_percent, 1 / np.tan(0.01 * np.pi / 2) / 1.5, to=0.5)
+workbook.check_answer(alpha_1_percent, 42.44, to=0.5)
 
 # %% [markdown]
 # **3.** Halve the identified joint's $K_p$. At which rate (`weak_decay` [1/s], all terms, with its

@@ -53,7 +53,7 @@ workbook.say_times("03_simulator_figure10")
 
 # %% tags=["parameters"]
 level = 8  # the authors' record K that is drawn
-friction_share = 0.0  # Coulomb friction on the load as a share of m g r
+
 changes = {}  # factors for ratios or physical quantities, such as {"J_m": 2.0}
 alphas = [1e4, 1e5, 1e6, 1e7]  # sharpness of the edge, 1/rad
 start_factor = 1.3  # the fit starts with three ratios so many times off
@@ -63,7 +63,6 @@ committed = identified_joint()
 workbook.check_parameters(
     globals(),
     level=CLEAN_LEVELS,
-    friction_share=(0, 0.5),
     changes=(changes,),  # applying them says what is wrong
     alphas=[(1e3, 1e12)],
     start_factor=(0.75, 1.6),
@@ -87,9 +86,7 @@ levels = {level_delta_rad(k): k for k in range(2, CLEAN_LEVELS.stop)}
 records = load_clean_records(CLEAN_LEVELS)
 with workbook.explain("changes", changes):
     joint = change(committed, changes)
-    joint = joint._replace(
-        load_coulomb=joint.load_coulomb + friction_share * joint.G
-    )
+
     if not 0.02 < joint.turn_period < 2:
         raise ValueError("a turn should take 0.02 to 2 s")
     fine = {delta: simulate_finely(joint, delta) for delta in levels}
@@ -109,11 +106,11 @@ signals = {
     "motor torque\n[N m]": run.torque,
     "$\\theta_m / N - \\theta_l$\n[mrad]": x_mrad,
 }
-figure, axes = figures.grid(4, 1, height_in=5.6, sharex=True)
+figure, *axes = figures.stack(4, 5.6)
 if compared:
     recorded = records[delta].v[shown // 40]
-    axes[1, 0].plot(run.t[shown], recorded, label="authors' record", **figures.LOG)
-for axis, (label, signal) in zip(axes[:, 0], signals.items(), strict=True):
+    axes[1].plot(run.t[shown], recorded, label="authors' record", **figures.LOG)
+for axis, (label, signal) in zip(axes, signals.items(), strict=True):
     axis.plot(run.t[shown], signal[shown], label="simulated joint", **figures.FIT)
     axis.set(ylabel=label)
 axis.set(xlabel="time $t$ [s]")

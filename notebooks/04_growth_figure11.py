@@ -113,7 +113,7 @@ peaks.round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 third = (t >= 2 * T_f - 1e-9) & (t < 3 * T_f - 1e-9)
-figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=5.0)
+figure, upper, lower = figures.stack(2, 5.0, sharex=False)
 for delta, run in zip(every, runs, strict=True):
     if delta in ten:  # the darker, the wider the gap
         r = run.v[third] - v_t  # equation 11
@@ -378,7 +378,7 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(tenth_rps, 300 / np.log(10), to=2)
+workbook.check_answer(tenth_rps, 130.3, to=2)
 
 # %% [markdown]
 # **What you have learnt**: a wider gap makes the teeth meet faster, but less than in proportion, and

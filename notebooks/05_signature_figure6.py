@@ -172,7 +172,7 @@ def residual_signal(X, n=12):  # equation 11, less the signature
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 residual = residual_signal(X)
-figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=4.0, sharex=True)
+figure, upper, lower = figures.stack(2, 4.0)
 upper.plot(record.t, record.v, label=record.source, **figures.LOG)
 fitted = record.v - residual
 upper.plot(record.t, fitted, label=f"stored run {run}", **figures.FIT)

@@ -310,8 +310,7 @@ for name, seen in runs.items():
 step_s = simulated_joints.CONTROL_S
 angle_deg = np.degrees(ends_rad[0] + np.cumsum(wanted) * step_s)
 trace = by_movement["strokes"].trace
-figure, axes = figures.grid(2, 1, 4.4)
-above, below = axes[:, 0]
+figure, above, below = figures.stack(2, 4.4, sharex=False)
 above.plot(step_s * np.arange(wanted.size), angle_deg, **figures.FIT)
 above.axhline(0, color="0.6")
 above.set(xlabel="time [s]", ylabel="angle from hanging [deg]")

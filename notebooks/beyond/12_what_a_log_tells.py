@@ -386,7 +386,7 @@ bound_a = 0.1 * np.sqrt(2 / 2000)
 print(f"{bound_a:.4f}: sigma sqrt(2 / n)")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(bound_a, 0.1 * np.sqrt(2 / 2000), to=0.0001)
+workbook.check_answer(bound_a, 0.00316, to=0.0001)
 
 # %% [markdown]
 # **2.** A second unknown widens the bound by $1 / \sqrt{1 - \rho^2}$, with the cosine $\rho$ between

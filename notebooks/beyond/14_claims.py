@@ -269,7 +269,7 @@ earlier_ms = 400 / (2 * np.pi) * 2 * np.arcsin(0.1)
 print(f"{earlier_ms:.1f} ms; the way back to the top takes as much longer")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(earlier_ms, 400 / np.pi * np.arcsin(0.1), to=0.5)
+workbook.check_answer(earlier_ms, 12.75, to=0.5)
 
 # %% [markdown]
 # **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records
