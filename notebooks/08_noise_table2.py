@@ -282,7 +282,8 @@ workbook.verdict(
     f"with a population of {population} end at the global minimum. Records on "
     f"which none does, so that a mean of $A$ says nothing: {failed.sum()} of "
     f"{failed.size}. With {noise_factor:g} times the authors' noise this run's "
-    f"means miss the theoretical $A$ by up to {off_percent.max():.0f} %. Without noise the best "
+    f"means miss the theoretical $A$ by up to {off_percent.max():.0f} %. Without "
+    "noise the best "
     f"fit's $A$ is {errors.mean():+.1f} % off on average. Read from the kept "
     f"realisations, not from this run: {agree['mean'].sum()} of Table 2's ten "
     f"printed means and {agree['sd'].sum()} of its ten SDs lie in their intervals.",
@@ -356,8 +357,8 @@ workbook.check_answer(together_rps, together, to=0.005)
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 distance_rps = printed["sd"][10] * np.sqrt(30)
 print(
-    f"{distance_rps:.3f} rps, {100 * distance_rps / printed['mean'][10]:.0f} % of the "
-    "printed mean"
+    f"{distance_rps:.3f} rps, {100 * distance_rps / printed['mean'][10]:.0f} % of "
+    "the printed mean"
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
