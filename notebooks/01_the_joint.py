@@ -295,7 +295,8 @@ workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at "
     f"{ring_hz:.1f} Hz; {by_terms}, two springs alone {springs.iloc[0]:.1f} Hz and "
     f"no decay. At $\\alpha = 10^5$ per rad equation 8 leaves {100 * share:.2g} % "
-    f"of $K_s$ in the middle of the gap, and equation 9 jumps there by {jump:.2g} N "
+    "of $K_s$ in the middle of the gap, and equation 9 jumps there by "
+    f"{jump:.2g} N "
     "m. Both vanish for no finite $\\alpha$: the paper's sentences are "
     "approximations ([errata E8, E9](../results/report.md#errata)).",
     claims=claims,
