@@ -5,15 +5,13 @@
 # choice. Before this: notebook [0](00_the_sensor.ipynb).*
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-from collections import namedtuple
-
 import numpy as np
 import pandas as pd
 
 import workbook
 from replication import cmaes, figures, published, signature
 from replication.records import load_clean
-from replication.signature import Box, Parameters, Timing, table1_box
+from replication.signature import Parameters, Timing, table1_box
 from workbook import Change
 
 workbook.say_times("05_signature_figure6")
@@ -87,23 +85,17 @@ turns = 2  # turns in figure 6
 # What the fit minimises: "RMSE", "L1" (the mean absolute residual), or a function
 # of the residual.
 cost = "RMSE"
-# Of further parameters that you give the signature: {"beat": (100.0, 500.0)}.
-more_bounds = {}
+
 seeds = 3  # searches of each fit
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-with workbook.explain("more_bounds", more_bounds):
-    fields = [*Parameters._fields, *more_bounds]
-    Yours = namedtuple("Yours", fields, defaults=[0] * len(more_bounds))
 workbook.check_parameters(
     globals(),
     run=range(1, 31),
     turns=range(1, 13),
     cost=("RMSE", "L1", callable),
-    more_bounds={name: [(-np.inf, np.inf)] for name in more_bounds},
     seeds=range(2, 31),
 )
-workbook.check_bounds("more_bounds", more_bounds)
 
 
 def rmse(residual):
@@ -123,8 +115,7 @@ with workbook.explain("cost", getattr(cost, "__name__", cost)):
 # ### The signature in ten lines
 #
 # `replication.signature` has the same functions. Change a line, and the fit below has your
-# signature. A further parameter of yours is `X.beat`, say, with its bounds in `more_bounds`; in the
-# stored runs it is 0.
+# signature.
 
 
 # %%
@@ -148,29 +139,24 @@ def h(t, X, T_d, T_f, n):  # equation 7
 # %%
 stored_runs = published.table("authors_notebook_runs").set_index("run")
 stored_X = stored_runs.loc[:, "A_rps":"window_start_s"].to_numpy(float)
-stored_X = [Yours(*row) for row in stored_X]
+stored_X = [Parameters(*row) for row in stored_X]
 X = stored_X[run - 1]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t = np.arange(0, turns * 0.4 + 0.1, 1e-4)
 same_signature = all(
-    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X[:7]))
+    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X))
     for X in stored_X
 )
-fine = X.t0 + np.linspace(0, 0.4, 40_001)
-first = np.abs(d_b(fine, X, X.t0))
-lasts = fine[first > 0]
 whose = "the paper's" if same_signature else "your"
-late = first[fine > lasts.max() - np.pi / X.omega].max()
+
 workbook.show_figure(
     "figure06_signature",
-    figures.signature_parameters(
-        t, h(t, X, 0.2, 0.4, turns), X[:7], Timing(n=turns)
-    ),
+    figures.signature_parameters(t, h(t, X, 0.2, 0.4, turns), X, Timing(n=turns)),
     f"(a) The signature of {turns} turn{'s' if turns > 1 else ''} at the "
-    f"parameters of stored run {run}, by {whose} code. (b) Its first oscillation: "
-    f"{1e3 * np.ptp(lasts):.0f} ms long, at most {first.max():.2f} rps; in its "
-    f"last half period it reaches {100 * late / first.max():.0f} % of that.",
+    f"parameters of stored run {run}, by {whose} code. (b) Its first oscillation. "
+    f"Its gate is open for {1e3 * (X.T2 - X.T1):.0f} ms; in this time the envelope "
+    f"falls to {100 * np.exp(-X.tau * (X.T2 - X.T1)):.0f} %.",
 )
 
 # %% [markdown]
@@ -186,7 +172,7 @@ def residual_signal(X, n=12):  # equation 11, less the signature
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 residual = residual_signal(X)
-figure, ((upper,), (lower,)) = figures.grid(2, 1, height_in=4.0, sharex=True)
+figure, upper, lower = figures.stack(2, 4.0)
 upper.plot(record.t, record.v, label=record.source, **figures.LOG)
 fitted = record.v - residual
 upper.plot(record.t, fitted, label=f"stored run {run}", **figures.FIT)
@@ -224,7 +210,7 @@ pd.DataFrame({"stored runs": reproduced}).rename_axis("turns")
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 sizes = stored_runs["A_rps"].abs()
 basins = sizes.groupby(stored_rmse.round(3)).agg(["size", "mean"])
-display(basins.set_axis(["runs", "mean |A| [rps]"], axis=1).rename_axis("RMSE"))
+
 why = (
     f"{record.source} ends after {record.t[-1] / 0.4:g} turns, so a later "
     "oscillation changes nothing, and a missing one does"
@@ -249,9 +235,8 @@ workbook.say(
 
 # %%
 t_fit, v_fit = record.t[200:400], record.v[200:400]
-ends = zip(*table1_box(t_fit, v_fit), strict=True)
-bounds = dict(zip(Parameters._fields, ends, strict=True))
-bounds |= {"t0": (0.0, 0.4)} | more_bounds  # t0 lies in the turn before
+box = table1_box(t_fit, v_fit)
+box.lower[1], box.upper[1] = 0.0, 0.4  # t0 lies in the turn before
 
 
 def your_residual(X):
@@ -263,29 +248,28 @@ def paper_residual(X):
 
 
 # %%
-def best_of_seeds(residual, criterion, kind):  # of parameters: paper's, or yours
+def best_of_seeds(residual, criterion):
     # Of all members at once: a row each, and a column a sample.
     def misfits(members):
-        residuals = residual(kind(*members.T[:, :, None]))
+        residuals = residual(Parameters(*members.T[:, :, None]))
         return np.array([criterion(each) for each in residuals], dtype=float)
 
-    box = Box(*np.array([bounds[name] for name in kind._fields]).T)
     ends = [
         cmaes.search(cmaes.generations(misfits, box, seed, 300), iterations=200)
         for seed in range(1, seeds + 1)
     ]
     best = min(ends, key=lambda end: end.misfit)
-    X = kind(*best.best)
+    X = Parameters(*best.best)
     alike = sum(end.misfit <= 1.02 * best.misfit for end in ends)
     return {"|A| [rps]": abs(X.A), "RMSE [rps]": rmse(residual(X)), "alike": alike}
 
 
 # %%
-changed = not same_signature or cost != "RMSE" or bool(more_bounds)
-rows = {"the paper's": best_of_seeds(paper_residual, rmse, Parameters)}
+changed = not same_signature or cost != "RMSE"
+rows = {"the paper's": best_of_seeds(paper_residual, rmse)}
 with workbook.explain("cost", getattr(cost, "__name__", cost)):
     if changed:
-        rows["yours"] = best_of_seeds(your_residual, criterion, Yours)
+        rows["yours"] = best_of_seeds(your_residual, criterion)
 fits = pd.DataFrame.from_dict(rows, orient="index").round(4)
 fits.rename(columns={"alike": f"searches of {seeds} that end there"})
 
@@ -341,8 +325,8 @@ workbook.try_changing(
         "closes after 0.1 s, and the second half of every oscillation stays in "
         "the residual",
         lambda now, was: (
-            now.X.t0 < 1e-3 < was.X.t0
-            and now.X.T2 < 0.11 < was.X.T2
+            now.X.t0 < 1e-3
+            and now.X.T2 < 0.11
             and now.rmse(now.residual) > 2 * was.rmse(was.residual)
         ),
     ),
@@ -359,7 +343,7 @@ workbook.try_changing(
         "np.sin(X.omega * since) → np.sin(X.omega * (since - X.T1))",
         "the oscillation then starts from zero where its gate opens; no stored "
         "RMSE is reproduced",
-        lambda now, was: now.reproduced[12] == 0 < was.reproduced[12],
+        lambda now, was: now.reproduced[12] == 0,
     ),
 )
 
@@ -370,7 +354,7 @@ workbook.try_changing(
 # committed notebooks. All are of the stored run 8.
 
 # %%
-X8 = Parameters(*stored_X[7][:7])
+X8 = stored_X[7]
 literal_rmse = shift_s = factor = np.nan  # your answers
 
 # %% [markdown]
@@ -385,7 +369,7 @@ literal_rmse = shift_s = factor = np.nan  # your answers
 # equation 4?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-h_literal = h(record.t, stored_X[7], X8.t0 + 0.2, X8.t0 + 0.4, 12)
+h_literal = h(record.t, X8, X8.t0 + 0.2, X8.t0 + 0.4, 12)
 literal_rmse = rmse(record.v - X8.v_t - h_literal)
 print(
     f"{literal_rmse:.3f} rps, {literal_rmse / stored_rmse[7]:.1f} times the stored "
@@ -393,7 +377,8 @@ print(
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-literal = signature.rmse(record.t, record.v, X8, Timing(X8.t0 + 0.2, X8.t0 + 0.4))
+shifts = Timing(X8.t0 + 0.2, X8.t0 + 0.4)
+literal = signature.rmse(record.t, record.v, X8, shifts)
 workbook.check_answer(literal_rmse, literal, to=0.01)
 
 # %% [markdown]
@@ -405,10 +390,7 @@ workbook.check_answer(literal_rmse, literal, to=0.01)
 shift_s = 0.2  # half a turn, to either side: a fit tells |A|, not its sign
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-turn_s = Timing().T_f
-workbook.check_answer(
-    shift_s, lambda s: abs(s % turn_s - turn_s / 2) <= 0.01 + 1e-9, to=0.01
-)
+workbook.check_answer(shift_s, lambda s: abs(s % 0.4 - 0.2) <= 0.01 + 1e-9, to=0.01)
 
 # %% [markdown]
 # **3.** The gate opens at $t_0 + T_1$, between two samples. Let it open a whole sampling period of
@@ -420,7 +402,7 @@ factor = np.exp(0.002 * X8.tau)
 print(f"{100 * (factor - 1):.1f} %")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(factor, np.exp(X8.tau * record.sample_s), to=0.002)
+workbook.check_answer(factor, np.exp(X8.tau * 0.002), to=0.002)
 
 # %% [markdown]
 # **What you have learnt**: a model of seven parameters, a cost and a search make a fit; its $A$ is

@@ -1,4 +1,4 @@
-"""How figures look; and figure 6, which two notebooks draw. A figure of a notebook's own begins with `panel` or `grid`.
+"""How figures look; and figure 6. A figure of a notebook's own begins with `panel` or `stack`.
 
 One look means one thing in all figures: `LOG` what was recorded, `FIT` what was fitted or simulated over it, `RESIDUAL`
 what that leaves, `OURS` what we computed, `PRINTED` what the paper prints, `DIFFERS` a printed number outside our
@@ -84,18 +84,18 @@ def in_style(plot: Callable[..., Figure]) -> Callable[..., Figure]:
     return styled
 
 
-def grid(
-    rows: int = 1, columns: int = 1, height_in: float = 3.2, **options: Any
-) -> tuple[Figure, np.ndarray]:
-    """Make a figure in the workbook's style and its axes, always as an array of shape (rows, columns)."""
+def stack(rows: int, height_in: float = 3.2, sharex: bool = True) -> tuple[Any, ...]:
+    """Make a figure in the workbook's style; it, and its panels from the top, which share their x or do not."""
     with mpl.rc_context(STYLE):
-        return plt.subplots(rows, columns, squeeze=False, figsize=(WIDTH_IN, height_in), **options)
+        figure, axes = plt.subplots(
+            rows, squeeze=False, figsize=(WIDTH_IN, height_in), sharex=sharex
+        )
+    return figure, *axes[:, 0]
 
 
-def panel(height_in: float = 3.2) -> tuple[Figure, Axes]:
-    """Make a figure in the workbook's style, and its only axes."""
-    figure, axes = grid(height_in=height_in)
-    return figure, axes[0, 0]
+def panel(height_in: float = 3.2) -> tuple[Any, ...]:
+    """Make a figure in the workbook's style, and its only panel."""
+    return stack(1, height_in)
 
 
 def curves(
@@ -145,7 +145,7 @@ def centre(axis: Axes) -> None:
 @in_style
 def signature_parameters(t: FloatArray, h: FloatArray, X: FloatArray, timing: Timing) -> Figure:
     """Figure 6: the signature h(t) over some turns, and its first oscillation, with the instants and intervals."""
-    figure, ((turns,), (first,)) = grid(2, 1, height_in=4.4)
+    figure, turns, first = stack(2, 4.4, sharex=False)
     A, t0, tau, _, _, T2, T1 = Parameters(*X)
     top = np.abs(h).max()
     left = {"xytext": (-4, 0), "textcoords": "offset points", "ha": "right", "va": "center"}

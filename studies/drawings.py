@@ -27,10 +27,10 @@ from replication.figures import (
     WIDTH_IN,
     Style,
     finish,
-    grid,
     in_style,
     letter_panels,
     panel,
+    stack,
 )
 from replication.signature import FloatArray
 from replication.table2 import WHOLE
@@ -96,7 +96,7 @@ def draw_detection(
     `lines` are A [rps] by what they are; `detected` gives, by name, percents of the healthy that are called excessive
     and of the excessive that are detected.
     """
-    figure, ((upper,), (lower,)) = grid(2, 1, height_in=5.4)
+    figure, upper, lower = stack(2, 5.4, sharex=False)
     ends = np.concatenate(list(A_rps.values()))
     bins = np.linspace(0, 1.02 * ends.max(), 25)
     # Filled and framed: a hatch is not drawn by every renderer of SVG.

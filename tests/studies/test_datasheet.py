@@ -22,6 +22,7 @@ def rows(population: str) -> pd.DataFrame:
             "low_rad": [9e-4, 1.1e-3, 0, np.nan, 4e-4, 0],
             "high_rad": [1.2e-3, 1.3e-3, 4e-5, np.nan, 6e-4, 4e-5],
             "loss": [-1.9, 2.0, np.nan, np.nan, 0.1, np.nan],
+            "friction_share": [-1.9, 1.9, np.nan, np.nan, 0.1, np.nan],
         }
     )
 
@@ -31,6 +32,7 @@ def test_answers_covers_and_errors_are_counted():
     counts = {"joints": 4, "answered": 2, "covered": 1, "false_all_clears": 1}
     counts |= {"healthy": 2, "healthy_called": 1, "healthy_cleared": 1}
     counts |= {"right": 2, "true_reason": 0, "wrong": 3, "reasons": "too noisy 1", "loss": 1}
+    counts |= {"friction_share": 2}
     assert row[[*counts]].to_dict() == counts
 
 
