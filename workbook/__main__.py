@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.files import UserError, as_json, write_bytes, write_files
+from replication.files import UserError, as_json, write_files
 from workbook.parent import end_with_make
 
 
@@ -85,31 +85,26 @@ def run(notebook: Path) -> None:
 
 def report() -> None:
     """Write the verdicts, report.md, what the results are made from, and README's status, all or none; then check."""
-    from workbook.project import ROOT
-    from workbook.stamps import REPORT, find_why_due, new_stamp, refuse_faults, stamp_file
-
-    refuse_faults()
-    if not find_why_due(ROOT, REPORT):
-        print("results/report.md is up to date")
-        return
-    from workbook.report import write_report
-
-    written = write_report()
-    write_bytes(stamp_file(ROOT, REPORT), new_stamp(ROOT, written))
-    print(written[0])
+    made = _make_report()
+    write_files(made)
+    print(next(iter(made)))
     _print_verdicts()
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
-    from workbook.stamps import REPORT, refuse_faults
+    from workbook.report import refuse_stale
+
+    refuse_stale(_make_report())
+    return _print_verdicts()
+
+
+def _make_report() -> dict[Path, bytes]:
+    from workbook.report import make_report
+    from workbook.stamps import refuse_faults
 
     refuse_faults()
-    refuse_faults(names=[REPORT])
-    from workbook.report import make_report, refuse_stale
-
-    refuse_stale(make_report())
-    return _print_verdicts()
+    return make_report()
 
 
 def _print_verdicts() -> int:
@@ -149,9 +144,8 @@ def lab() -> None:
 def data() -> None:
     """Fetch and verify the public data."""
     from workbook.project import find_hook
-    from workbook.report import list_data
 
-    print(*(find_hook("fetch")(name) for name in list_data()), sep="\n")
+    print(*map(find_hook("fetch"), find_hook("checksums", dict)()), sep="\n")
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ from replication.files import (
     write_text,
 )
 from workbook.kernel import READ, read_notes
-from workbook.project import ROOT, notebook_sources, pin_environment, read_settings
+from workbook.project import ROOT, find_hook, notebook_sources, read_settings
 from workbook.stamps import (
     add_record,
     digest_code,
@@ -87,8 +87,9 @@ def run(source: Path, project: Path = ROOT) -> str:
         with stamp.with_suffix(".lock").open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
-                made = _execute_into(project, source, project)
-                write_bytes(stamp, new_stamp(project, made, time.monotonic() - start))
+                _execute_into(project, source, project)
+                record = record_file(project, name)
+                write_bytes(stamp, new_stamp(record, time.monotonic() - start))
             except DataUnavailable:
                 if not simulated:
                     raise
@@ -97,7 +98,7 @@ def run(source: Path, project: Path = ROOT) -> str:
                 _execute_into(offline, source, project, warning)
                 where = f" on {simulated['mark']}"
     except DataUnavailable as missing:
-        write_bytes(stamp, new_stamp(project, [], lacks=str(missing)))
+        write_bytes(stamp, new_stamp(record_file(project, name), lacks=str(missing)))
         return f"{name}: not run: {missing}; its committed results stay"
     except OSError as error:
         raise NotebookFailed(
@@ -152,7 +153,7 @@ def kernel_environment(project: Path) -> dict[str, str]:
     for name in folders:
         (settings / name).mkdir(parents=True, exist_ok=True)
     return {
-        **pin_environment(),
+        **find_hook("environment", dict)(),
         **{name: str(settings / name) for name in folders},
         **dict.fromkeys(UNSET, ""),
         "MATPLOTLIBRC": str(settings / "none"),
@@ -178,7 +179,7 @@ def available_memory() -> int:
     return available if text == "max" else min(available, int(text))
 
 
-def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> list[Path]:
+def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> None:
     """Execute a source; put what it makes, and the record of what it was made from, where it belongs, all or none."""
     code = digest_code(project, source)
     notebook = jupytext.read(source)
@@ -208,7 +209,6 @@ def _execute_into(destination: Path, source: Path, project: Path, warning: str =
         write_files({destination / name: content for name, content in made.items()})
     finally:
         shutil.rmtree(staging, ignore_errors=True)
-    return [destination / name for name in made]
 
 
 def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
@@ -221,6 +221,7 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         kernel_name="python3",
         timeout=CELL_TIMEOUT_S,
         record_timing=False,
+        coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
         shutdown_kernel="immediate",
         extra_arguments=["--IPKernelApp.extensions=workbook.kernel"],
         resources={"metadata": {"path": str(source.parent)}},
@@ -249,26 +250,13 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
 
 
 def take_stderr(notebook: NotebookNode) -> str:
-    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it.
-
-    Texts of a cell are joined: in how many pieces one arrives is a matter of time.
-    """
+    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it."""
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
-        texts: dict[str, NotebookNode] = {}
-        others = []
-        for output in cell.outputs:
-            if output.get("name") in texts:
-                texts[output.name].text += output.text
-                continue
-            if output.output_type == "stream":
-                texts[output.name] = output
-            others.append(output)
-        if "stderr" in texts:
-            if unknown := HARMLESS.sub("", texts["stderr"].text).strip():
+        for output in [each for each in cell.outputs if each.get("name") == "stderr"]:
+            if unknown := HARMLESS.sub("", output.text).strip():
                 return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
-            others.remove(texts["stderr"])
-        cell.outputs = others
+            cell.outputs.remove(output)
     return ""
 
 

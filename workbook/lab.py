@@ -10,8 +10,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.files import DataUnavailable, write_text
-from workbook.project import ROOT, find_hook, notebook_sources, pin_environment, read_settings
-from workbook.report import list_data
+from workbook.project import ROOT, find_hook, notebook_sources, read_settings
 
 NOTEBOOKS, LAB = ROOT / "notebooks", ROOT / "lab"
 # JupyterLab is not to ask for news and updates.
@@ -51,7 +50,7 @@ def start() -> None:
     Where data can't be had the copies run on simulated ones, if the project has such.
     """
     try:
-        for name in list_data():
+        for name in find_hook("checksums", dict)():
             find_hook("fetch")(name)
     except DataUnavailable as missing:
         simulated = read_settings(ROOT).get("simulated")
@@ -60,7 +59,9 @@ def start() -> None:
         )
         if simulated:
             os.environ[simulated["variable"]] = "simulated"
-    os.environ |= pin_environment() | {"JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")}
+    os.environ |= find_hook("environment", dict)() | {
+        "JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")
+    }
     first = sorted(LAB.glob("[0-9]*.ipynb"))[0].relative_to(ROOT)
     command = [sys.executable, "-m", "jupyterlab", f"--LabApp.default_url=/lab/tree/{first}"]
     if hasattr(os, "getuid") and os.getuid() == 0:

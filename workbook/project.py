@@ -34,19 +34,13 @@ def read_settings(project: Path) -> dict[str, Any]:
         raise UserError(f"{file}: {error}; git checkout brings it back") from error
 
 
-def find_hook(name: str) -> Any:
-    """Find what the settings name as "module:function", code of the project; None where they name nothing."""
+def find_hook(name: str, default: Any = None) -> Any:
+    """Find what the settings name as "module:function", code of the project; a default where they name nothing."""
     words = read_settings(ROOT).get(name)
     if not words:
-        return None
+        return default
     module, _, attribute = words.partition(":")
     return getattr(import_module(module), attribute)
-
-
-def pin_environment() -> dict[str, str]:
-    """Variables under which the project's arithmetic is the same everywhere."""
-    pin = find_hook("environment")
-    return pin() if pin else {}
 
 
 ROOT = find_root()
