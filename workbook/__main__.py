@@ -53,9 +53,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def find_folders() -> None:
     """Make the folders of data that the environment names absolute: a kernel starts in another one."""
-    from workbook.project import ROOT, read_settings
+    from workbook.project import SETTINGS
 
-    for variable in read_settings(ROOT).get("folders", ()):
+    for variable in SETTINGS.get("folders", ()):
         if value := os.environ.get(variable):
             folder = Path(value).expanduser().resolve()
             if not folder.is_dir():
@@ -109,10 +109,9 @@ def _make_report() -> dict[Path, bytes]:
 
 def _print_verdicts() -> int:
     from workbook import judging, report
-    from workbook.project import RESULTS
 
-    verdicts = judging.verdicts(RESULTS)
-    print(report.list_verdicts(verdicts, judging.claims(RESULTS)))
+    verdicts = judging.verdicts()
+    print(report.list_verdicts(verdicts, judging.claims()))
     surprises = report.find_surprises(verdicts)
     for cell in surprises:
         print(f"{cell}: differs, which is not expected")

@@ -13,7 +13,7 @@ from llvmlite import binding
 
 from replication.files import KEPT_SHA256, DataUnavailable, UserError
 from workbook import judging
-from workbook.project import RESULTS, ROOT, find_hook, notebook_sources, read_settings
+from workbook.project import ROOT, SETTINGS, find_hook, notebook_sources
 from workbook.report import make_report, provenance, refuse_stale
 from workbook.stamps import find_why_due, list_kept, list_made, read_stamp, refuse_faults, sha256
 
@@ -42,19 +42,19 @@ def certify(full: bool = False) -> dict[str, Any]:
     """
     nothing = {"seconds": 0.0, "ended": 0.0, "lacks": "", "record": ""}
     runs = {
-        name: nothing | read_stamp(ROOT, name) | {"why": find_why_due(ROOT, name)}
+        name: nothing | read_stamp(name) | {"why": find_why_due(name)}
         for name in notebook_sources()
     }
     if not any(run["record"] for run in runs.values()):
         raise UserError("no notebook was run here: there is nothing to certify; make all runs them")
-    made_here = {file for name in _list_here(runs) for file in list_made(ROOT, name)}
+    made_here = {file for name in _list_here(runs) for file in list_made(name)}
     unjudged, numbers = "", {}
     try:
-        refuse_faults(ROOT)
+        refuse_faults()
         report = make_report()
         refuse_stale(report)
         made_here |= {file.relative_to(ROOT).as_posix() for file in report}
-        verdicts = judging.verdicts(RESULTS)
+        verdicts = judging.verdicts()
         graded = verdicts.assign(grade=judging.grade(verdicts))
         numbers = graded[["grade", "notebook"]].to_dict("index")
     except UserError as error:
@@ -82,9 +82,7 @@ def certify(full: bool = False) -> dict[str, Any]:
         "data": check_data(),
         "results": results,
         "kept": {
-            name: make_row_again(name) if full else ""
-            for name in list_kept(ROOT)
-            if name in results
+            name: make_row_again(name) if full else "" for name in list_kept() if name in results
         },
         "numbers": numbers,
         "unjudged": unjudged,
@@ -120,7 +118,7 @@ def check_data() -> dict[str, str]:
 
 def make_row_again(table: str) -> str:
     """Make a row of a kept table again, by the settings' module: "same", "another", or why it is not made."""
-    command = [sys.executable, "-m", read_settings(ROOT)["kept"], os.path.basename(table)[:-4]]
+    command = [sys.executable, "-m", SETTINGS["kept"], os.path.basename(table)[:-4]]
     variables = os.environ | find_hook("environment", dict)()
     ended = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True)
     if ended.returncode:

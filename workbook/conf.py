@@ -6,9 +6,9 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
-from workbook.project import ROOT, read_settings
+from workbook.project import SETTINGS
 
-project = read_settings(ROOT)["title"]
+project = SETTINGS["title"]
 extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 root_doc = "results/report"
 include_patterns = ["results/report.md", "notebooks/**"]

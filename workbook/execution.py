@@ -33,7 +33,7 @@ from replication.files import (
     write_text,
 )
 from workbook.kernel import READ, read_notes
-from workbook.project import ROOT, find_hook, notebook_sources, read_settings
+from workbook.project import RESULTS, ROOT, SIMULATED, find_hook, notebook_sources
 from workbook.stamps import (
     add_record,
     digest_code,
@@ -59,7 +59,7 @@ class NotebookFailed(UserError):
     exit_status = 1
 
 
-def run(source: Path, project: Path = ROOT) -> str:
+def run(source: Path) -> str:
     """Execute a notebook and put what it makes in place, in the project's folder; say how it ended.
 
     Where data can't be had it runs on simulated ones, if the project has such, into `results/offline`. Its outcome says
@@ -73,46 +73,45 @@ def run(source: Path, project: Path = ROOT) -> str:
     UserError
         The source is none, or its `.ipynb` was edited.
     """
-    source = find_source(source, project)
+    source = find_source(source)
     name = source.stem
     notebook = read_notebook(source, "correct it")
     refuse_edited(source, notebook)
     start = time.monotonic()
     where = ""
-    stamp = stamp_file(project, name)
-    simulated = read_settings(project).get("simulated")
+    stamp = stamp_file(name)
     try:
-        os.environ |= kernel_environment(project)
-        drop_stale_caches(project)
+        os.environ |= kernel_environment()
+        drop_stale_caches()
         with stamp.with_suffix(".lock").open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
-                _execute_into(project, source, project)
-                record = record_file(project, name)
+                _execute_into(ROOT, source)
+                record = record_file(name)
                 write_bytes(stamp, new_stamp(record, time.monotonic() - start))
             except DataUnavailable:
-                if not simulated:
+                if not SIMULATED:
                     raise
-                os.environ[simulated["variable"]] = "simulated"
-                offline, warning = project / "results" / "offline", simulated["warning"]
-                _execute_into(offline, source, project, warning)
-                where = f" on {simulated['mark']}"
+                os.environ[SIMULATED["variable"]] = "simulated"
+                offline, warning = RESULTS / "offline", SIMULATED["warning"]
+                _execute_into(offline, source, warning)
+                where = f" on {SIMULATED['mark']}"
     except DataUnavailable as missing:
-        write_bytes(stamp, new_stamp(record_file(project, name), lacks=str(missing)))
+        write_bytes(stamp, new_stamp(record_file(name), lacks=str(missing)))
         return f"{name}: not run: {missing}; its committed results stay"
     except OSError as error:
         raise NotebookFailed(
-            f"{source.name}: {error}, while working in {project / '.make'}"
+            f"{source.name}: {error}, while working in {ROOT / '.make'}"
         ) from error
     return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 
-def find_source(file: Path, project: Path) -> Path:
+def find_source(file: Path) -> Path:
     """Find a notebook of the project by the file of its source, whichever links lead there."""
-    for name, source in notebook_sources(project).items():
+    for name, source in notebook_sources().items():
         if file.name == f"{name}.py" and file.exists() and file.samefile(source):
             return source
-    raise UserError(f"{file}: give the .py source of a notebook of {project}")
+    raise UserError(f"{file}: give the .py source of a notebook of {ROOT}")
 
 
 def read_notebook(file: Path, advice: str) -> NotebookNode:
@@ -146,9 +145,9 @@ def cells_sha256(notebook: NotebookNode) -> str:
     return hashlib.sha256(repr(cells).encode()).hexdigest()
 
 
-def kernel_environment(project: Path) -> dict[str, str]:
+def kernel_environment() -> dict[str, str]:
     """A kernel's variables: arithmetic and workers are pinned, the user's own settings shut out."""
-    settings = project / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
+    settings = ROOT / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
     folders = ("MPLCONFIGDIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR")
     for name in folders:
         (settings / name).mkdir(parents=True, exist_ok=True)
@@ -158,9 +157,9 @@ def kernel_environment(project: Path) -> dict[str, str]:
         **dict.fromkeys(UNSET, ""),
         "MATPLOTLIBRC": str(settings / "none"),
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-        read_settings(project).get("simulated", {}).get("variable", "SIMULATED"): "",
+        SIMULATED.get("variable", "SIMULATED"): "",
         "PYTHONHASHSEED": "0",
-        "PYTHONPATH": os.pathsep.join([str(project), str(Path(__file__).parents[1])]),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parents[1])]),
         "TQDM_DISABLE": "1",  # a bar of progress is text on stderr
         "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
     }
@@ -179,22 +178,22 @@ def available_memory() -> int:
     return available if text == "max" else min(available, int(text))
 
 
-def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> None:
+def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
     """Execute a source; put what it makes, and the record of what it was made from, where it belongs, all or none."""
-    code = digest_code(project, source)
+    code = digest_code(source)
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
     notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
-    staging = project / ".make" / f"{source.stem}.staging"
+    staging = ROOT / ".make" / f"{source.stem}.staging"
     shutil.rmtree(staging, ignore_errors=True)  # of a run that was killed
     staging.mkdir()
     try:
         os.environ |= {"REPLICATION_OUT": str(staging), "REPLICATION_NOTEBOOK": source.stem}
-        execute(notebook, source, project / ".make" / f"{source.stem}.failed.ipynb")
-        executed = staging / source.relative_to(project).with_suffix(".ipynb")
+        execute(notebook, source, ROOT / ".make" / f"{source.stem}.failed.ipynb")
+        executed = staging / source.relative_to(ROOT).with_suffix(".ipynb")
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)
         read = read_notes(staging / READ)
@@ -203,7 +202,7 @@ def _execute_into(destination: Path, source: Path, project: Path, warning: str =
             for file in staging.rglob("*")
             if file.is_file() and file.name != READ
         }
-        record = record_file(project, source.stem).relative_to(project).as_posix()
+        record = record_file(source.stem).relative_to(ROOT).as_posix()
         said = NOTHING | json.loads(made.pop(record, b"{}"))
         made[record] = as_json(add_record(said, code, read, made))
         write_files({destination / name: content for name, content in made.items()})

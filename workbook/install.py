@@ -146,9 +146,9 @@ def install(what: Sequence[str]) -> None:
     path = f"{os.environ.get('PATH', os.defpath)}{os.pathsep}{VENV / 'bin'}"
     uv = shutil.which("uv", path=path)
     how = ["--quiet", "--python", PYTHON, "--require-hashes", "--constraint", str(LOCK)]
-    if not uv or not run([uv, "pip", "install", *how, *what]):
-        if not run_pip(VENV / MARK):
-            sys.exit(2)
+    is_done = uv and run([uv, "pip", "install", *how, *what])
+    if not is_done and not run_pip(VENV / MARK):
+        sys.exit(2)
 
 
 def run_pip(lock: Path) -> bool:

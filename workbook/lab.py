@@ -10,7 +10,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.files import DataUnavailable, write_text
-from workbook.project import ROOT, find_hook, notebook_sources, read_settings
+from workbook.project import ROOT, SIMULATED, find_hook, notebook_sources
 
 NOTEBOOKS, LAB = ROOT / "notebooks", ROOT / "lab"
 # JupyterLab is not to ask for news and updates.
@@ -53,12 +53,11 @@ def start() -> None:
         for name in find_hook("checksums", dict)():
             find_hook("fetch")(name)
     except DataUnavailable as missing:
-        simulated = read_settings(ROOT).get("simulated")
         print(
-            f"{missing}; until then {'simulated ones take' if simulated else 'nothing takes'} their place"
+            f"{missing}; until then {'simulated ones take' if SIMULATED else 'nothing takes'} their place"
         )
-        if simulated:
-            os.environ[simulated["variable"]] = "simulated"
+        if SIMULATED:
+            os.environ[SIMULATED["variable"]] = "simulated"
     os.environ |= find_hook("environment", dict)() | {
         "JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")
     }

@@ -13,14 +13,14 @@ import jinja2
 import numpy as np
 import pandas as pd
 
-from replication.files import UserError, as_csv, as_json, read_committed, write_files
+from replication.files import UserError, as_csv, as_json, read_committed
 from workbook import judging
 from workbook.judging import like_printed
 from workbook.outcomes import load_outcomes, read_kept, read_table
-from workbook.project import RESULTS, ROOT, find_hook, read_settings
+from workbook.project import RESULTS, ROOT, SETTINGS, find_hook
 
-SETTINGS = read_settings(ROOT)
 TEMPLATE = ROOT / SETTINGS["report"]
+README = ROOT / "README.md"
 STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
 STATUS = re.compile("|".join(STATUS_MARKS))
 VERDICTS = ("agrees", "agrees weakly", "differs", "not tested")
@@ -58,12 +58,6 @@ def span(numbers: Sequence[float], form: str) -> str:
     """Write the smallest and the largest of some numbers: "2.5 to 4.4"; the one where they look alike, or "none"."""
     ends = [format(end, form) for end in (min(numbers), max(numbers))] if len(numbers) else ["none"]
     return " to ".join(dict.fromkeys(ends))
-
-
-def write_p(p: float, least: float = 0.0) -> str:
-    """Write a p with two digits, or what it is below; 0.44, below 0.001, "at most 0.0031" if it can be no less."""
-    bound = "at most " if p <= 1.001 * least else ""
-    return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
 # ------------------------------------------------------------------------------------------------ what the text has
@@ -126,12 +120,12 @@ def _chain(changes: pd.DataFrame) -> str:
     return " → ".join(form + (f": *{verdict}*" if verdict else "") for form, verdict in steps)
 
 
-def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
+def describe(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Any]:
     """Everything that a template may name: verdicts, claims, the paper's tables, and the notebooks' facts, `f`."""
     cells = describe_cells(verdicts)
     grades = cells["grade"].value_counts().reindex(judging.GRADES, fill_value=0)
     return {
-        "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
+        "f": dict(ChainMap(*(each["facts"] for each in load_outcomes().values()))),
         "cells": cells.to_dict("records"),
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.to_dict("index"),
@@ -159,7 +153,7 @@ def load_template() -> jinja2.Template:
         undefined=jinja2.StrictUndefined,
         finalize=_refuse_absent,
     )
-    pages.filters.update(typeset=typeset, span=span, p=write_p)
+    pages.filters.update(typeset=typeset, span=span)
     template = read_committed(TEMPLATE, pages.from_string)
     if "status" not in template.blocks:
         raise UserError(
@@ -197,8 +191,8 @@ def provenance() -> dict[str, Any]:
     }
 
 
-def make_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> dict[Path, bytes]:
-    """Make the verdicts, the claims, `report.md` and `provenance.json` of a results folder.
+def make_report() -> dict[Path, bytes]:
+    """Make the verdicts, the claims, `report.md` and `provenance.json` of the results.
 
     The report's first section goes into a README, too, between the marks of the status.
 
@@ -212,26 +206,26 @@ def make_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> d
     UserError
         Something is missing that the report is made from.
     """
-    verdicts, claims = judging.verdicts(results), judging.claims(results)
+    verdicts, claims = judging.verdicts(), judging.claims()
     try:
-        described = describe(verdicts, claims, results)
+        described = describe(verdicts, claims)
     except (ValueError, LookupError) as error:
         why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
-        raise UserError(f"{results}: the report cannot be made from it ({why})") from error
+        raise UserError(f"{RESULTS}: the report cannot be made from it ({why})") from error
     page, status = render(described)
-    text = read_committed(readme, str)
+    text = read_committed(README, str)
     if STATUS.findall(text) != list(STATUS_MARKS):  # the text between two pairs would go
         raise UserError(
-            f"{readme}: not one pair of marks of the status; git checkout brings it back"
+            f"{README}: not one pair of marks of the status; git checkout brings it back"
         )
     before, _, after = STATUS.split(text)
     text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
     return {
-        results / "report.md": page.encode(),
-        results / "verdicts.csv": as_csv(verdicts.reset_index()[OF_CELLS]),
-        results / "claims.csv": as_csv(claims.reset_index()[OF_CLAIMS]),
-        results / "provenance.json": as_json(provenance()),
-        readme: text.encode(),
+        RESULTS / "report.md": page.encode(),
+        RESULTS / "verdicts.csv": as_csv(verdicts.reset_index()[OF_CELLS]),
+        RESULTS / "claims.csv": as_csv(claims.reset_index()[OF_CLAIMS]),
+        RESULTS / "provenance.json": as_json(provenance()),
+        README: text.encode(),
     }
 
 

@@ -1,8 +1,8 @@
 """What a notebook was made from, and what it made: is it so still? Content decides, never a time.
 
-A record is committed: the outcome of a notebook, `results/outcomes/NAME.json`. It holds `made_from`, one SHA-256 of all
-inputs: the notebook's source, the packages that it may import, the lock, the workbook's settings, and the files that the
-run itself has noted as it read them (`read`); and `made`, the SHA-256 of each file that it made. A stamp,
+A record is committed: the outcome of a notebook, `results/outcomes/NAME.json`. It holds `made_from`, one SHA-256 of
+all inputs: the notebook's source, the packages that it may import, the lock, the workbook's settings, and the files
+that the run itself has noted as it read them (`read`); and `made`, the SHA-256 of each file that it made. A stamp,
 `.make/NAME.ran`, is what a run leaves here: its seconds, and the SHA-256 of the record.
 
 No inputs are: the versions of Python and of a processor, on which results do not depend; the paper's data, whose
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from replication.files import KEPT_SHA256, UserError, check_kept, read_committed, write_text
-from workbook.project import ROOT, notebook_sources, read_settings
+from workbook.project import RESULTS, ROOT, SETTINGS, notebook_sources
 
 RECORD = ("made_from", "read", "made")
 STAMP = ("seconds", "ended", "lacks", "record")
@@ -55,19 +55,19 @@ def digest(content: Mapping[str, Any]) -> str:
 # ----------------------------------------------------------------------------------------------- what it was made from
 
 
-def list_code(project: Path) -> Iterator[Path]:
+def list_code() -> Iterator[Path]:
     """List the files of the packages that a notebook may import."""
-    for package in read_settings(project).get("packages", ()):
-        for file in (project / package).rglob("*.*"):
+    for package in SETTINGS.get("packages", ()):
+        for file in (ROOT / package).rglob("*.*"):
             if INPUT.fullmatch(file.name) and file.is_file():
                 yield file
 
 
-def digest_code(project: Path, *sources: Path) -> dict[str, str]:
+def digest_code(*sources: Path) -> dict[str, str]:
     """SHA-256, by name, of all that is known before a run: sources, packages, lock and settings."""
-    files = [*list_code(project), project / "requirements.lock", *sources]
-    digests = {file.relative_to(project).as_posix(): sha256(file) for file in files}
-    return digests | {"tool.workbook": digest(read_settings(project))}
+    files = [*list_code(), ROOT / "requirements.lock", *sources]
+    digests = {file.relative_to(ROOT).as_posix(): sha256(file) for file in files}
+    return digests | {"tool.workbook": digest(SETTINGS)}
 
 
 def add_record(
@@ -83,14 +83,14 @@ def add_record(
     return {**said, **record, "made": {SAID: digest(said), **files}}
 
 
-def record_file(project: Path, name: str) -> Path:
+def record_file(name: str) -> Path:
     """Name the file that says what a notebook was made from."""
-    return project / "results" / "outcomes" / f"{name}.json"
+    return RESULTS / "outcomes" / f"{name}.json"
 
 
-def stamp_file(project: Path, name: str) -> Path:
+def stamp_file(name: str) -> Path:
     """Name the stamp of a notebook."""
-    return project / ".make" / f"{name}.ran"
+    return ROOT / ".make" / f"{name}.ran"
 
 
 def _read_json(file: Path, names: tuple[str, ...]) -> dict[str, Any]:
@@ -102,59 +102,59 @@ def _read_json(file: Path, names: tuple[str, ...]) -> dict[str, Any]:
         return {}
 
 
-def read_record(project: Path, name: str) -> dict[str, Any]:
+def read_record(name: str) -> dict[str, Any]:
     """Read the record of a notebook; empty where there is none."""
-    return _read_json(record_file(project, name), RECORD)
+    return _read_json(record_file(name), RECORD)
 
 
-def list_made(project: Path, name: str) -> set[str]:
+def list_made(name: str) -> set[str]:
     """List what a notebook has made, by names from the project's folder, with its record."""
-    record = record_file(project, name).relative_to(project).as_posix()
-    return {record, *read_record(project, name)["made"]} - {SAID}
+    record = record_file(name).relative_to(ROOT).as_posix()
+    return {record, *read_record(name)["made"]} - {SAID}
 
 
-def list_kept(project: Path) -> list[str]:
+def list_kept() -> list[str]:
     """List the tables that `make all` does not make, by names from the project's folder."""
-    file = project / "results" / KEPT_SHA256
+    file = RESULTS / KEPT_SHA256
     kept = read_committed(file, json.loads) if file.exists() else ()
     return [f"results/{name}" for name in kept]
 
 
-def find_fault(project: Path, name: str) -> str:
+def find_fault(name: str) -> str:
     """Say what is not as the record of a notebook says; "" where all is."""
-    record = read_record(project, name)
+    record = read_record(name)
     if not record:
-        file = record_file(project, name).relative_to(project)
+        file = record_file(name).relative_to(ROOT)
         return f"{file} is missing, or says not what it was made from"
     for file, expected in record["made"].items():
-        if (record[SAID] if file == SAID else sha256(project / file)) != expected:
+        if (record[SAID] if file == SAID else sha256(ROOT / file)) != expected:
             return f"{file} is missing, or not as it was made"
-    read = {file: sha256(project / file) for file in record["read"]}
-    inputs = digest_code(project, notebook_sources(project)[name]) | read
+    read = {file: sha256(ROOT / file) for file in record["read"]}
+    inputs = digest_code(notebook_sources()[name]) | read
     return "" if record["made_from"] == digest(inputs) else MADE_BY_OTHER
 
 
 MADE_BY_OTHER = "made by other code or tables than those that are there"
 
 
-def refuse_faults(project: Path = ROOT) -> None:
+def refuse_faults() -> None:
     """Refuse to go on where results are missing, or are not those of the code and the tables that are there.
 
     What is missing is never judged; nor what a notebook had made before it was removed, or changed. A notebook that
     hands the report nothing may be one that cannot run here: it may be older than the code.
     """
-    sources = notebook_sources(project)
-    for file in sorted((project / "results" / "outcomes").glob("*.json")):
+    sources = notebook_sources()
+    for file in sorted((RESULTS / "outcomes").glob("*.json")):
         if file.stem not in sources:
             raise UserError(
-                f"{file.relative_to(project)}: no notebook makes it; git checkout brings the notebook "
+                f"{file.relative_to(ROOT)}: no notebook makes it; git checkout brings the notebook "
                 "back, or delete it"
             )
-    for table in list_kept(project):
-        check_kept(project / table)
+    for table in list_kept():
+        check_kept(ROOT / table)
     for name in sources:
-        fault = find_fault(project, name)
-        if fault and (fault != MADE_BY_OTHER or _speaks(record_file(project, name))):
+        fault = find_fault(name)
+        if fault and (fault != MADE_BY_OTHER or _speaks(record_file(name))):
             raise UserError(f"{name}: {fault}; make all makes it")
 
 
@@ -173,46 +173,46 @@ def new_stamp(record: Path, seconds: float = 0.0, lacks: str = "") -> bytes:
     return json.dumps(stamp | {"record": "" if lacks else sha256(record)}).encode()
 
 
-def read_stamp(project: Path, name: str) -> dict[str, Any]:
+def read_stamp(name: str) -> dict[str, Any]:
     """What a stamp holds; empty where there is none."""
-    return _read_json(stamp_file(project, name), STAMP)
+    return _read_json(stamp_file(name), STAMP)
 
 
-def find_why_due(project: Path, name: str) -> str:
+def find_why_due(name: str) -> str:
     """Say why a notebook has not been made here as it would be now; "" where it has."""
-    stamp, record = read_stamp(project, name), record_file(project, name)
+    stamp, record = read_stamp(name), record_file(name)
     if not stamp:
         return "not run here"
     if stamp["lacks"]:
         return f"not run: {stamp['lacks']}"
     if sha256(record) != stamp["record"]:
-        return f"{record.relative_to(project)} is not as it was made here"
-    fault = find_fault(project, name)
+        return f"{record.relative_to(ROOT)} is not as it was made here"
+    fault = find_fault(name)
     return "not run here with this code" if fault == MADE_BY_OTHER else fault
 
 
-def find_due(project: Path = ROOT) -> list[Path]:
+def find_due() -> list[Path]:
     """Find the sources of notebooks that are due, the longest first, as a table of times has them."""
     try:
-        with (project / "results" / "notebook_times.csv").open(encoding="utf-8") as file:
+        with (RESULTS / "notebook_times.csv").open(encoding="utf-8") as file:
             seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(file)}
     except (OSError, ValueError, KeyError, TypeError):
         seconds = {}
-    sources = notebook_sources(project)
-    due = [name for name in sources if find_why_due(project, name)]
+    sources = notebook_sources()
+    due = [name for name in sources if find_why_due(name)]
     return [sources[name] for name in sorted(due, key=lambda name: -seconds.get(name, 0))]
 
 
-def drop_stale_caches(project: Path = ROOT) -> None:
+def drop_stale_caches() -> None:
     """Remove compiled code of the packages if they have changed since the last run.
 
     Python and numba go by a file's time and size, and numba freezes the constants of other files.
     """
-    mark = project / ".make" / "code.sha256"
-    now = digest(digest_code(project))
+    mark = ROOT / ".make" / "code.sha256"
+    now = digest(digest_code())
     if mark.is_file() and mark.read_text("utf-8") == now:
         return
-    for package in read_settings(project).get("packages", ()):
-        for folder in (project / package).rglob("__pycache__"):
+    for package in SETTINGS.get("packages", ()):
+        for folder in (ROOT / package).rglob("__pycache__"):
             shutil.rmtree(folder, ignore_errors=True)
     write_text(mark, now)
