@@ -44,6 +44,7 @@ from workbook.stamps import (
 )
 
 CELL_TIMEOUT_S = 900
+MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
 HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
@@ -74,12 +75,10 @@ def run(source: Path) -> str:
         The source is none, or its `.ipynb` was edited.
     """
     source = find_source(source)
-    name = source.stem
-    notebook = read_notebook(source, "correct it")
-    refuse_edited(source, notebook)
-    start = time.monotonic()
+    refuse_edited(source, read_notebook(source, "correct it"))
+    start, name = time.monotonic(), source.stem
     where = ""
-    stamp = stamp_file(name)
+    stamp, record = stamp_file(name), record_file(name)
     try:
         os.environ |= kernel_environment()
         drop_stale_caches()
@@ -87,17 +86,15 @@ def run(source: Path) -> str:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
                 _execute_into(ROOT, source)
-                record = record_file(name)
                 write_bytes(stamp, new_stamp(record, time.monotonic() - start))
             except DataUnavailable:
                 if not SIMULATED:
                     raise
                 os.environ[SIMULATED["variable"]] = "simulated"
-                offline, warning = RESULTS / "offline", SIMULATED["warning"]
-                _execute_into(offline, source, warning)
+                _execute_into(RESULTS / "offline", source, SIMULATED["warning"])
                 where = f" on {SIMULATED['mark']}"
     except DataUnavailable as missing:
-        write_bytes(stamp, new_stamp(record_file(name), lacks=str(missing)))
+        write_bytes(stamp, new_stamp(record, lacks=str(missing)))
         return f"{name}: not run: {missing}; its committed results stay"
     except OSError as error:
         raise NotebookFailed(
@@ -108,10 +105,10 @@ def run(source: Path) -> str:
 
 def find_source(file: Path) -> Path:
     """Find a notebook of the project by the file of its source, whichever links lead there."""
-    for name, source in notebook_sources().items():
-        if file.name == f"{name}.py" and file.exists() and file.samefile(source):
-            return source
-    raise UserError(f"{file}: give the .py source of a notebook of {ROOT}")
+    sources = {source.resolve(): source for source in notebook_sources().values()}
+    if file.resolve() not in sources:
+        raise UserError(f"{file}: give the .py source of a notebook of {ROOT}")
+    return sources[file.resolve()]
 
 
 def read_notebook(file: Path, advice: str) -> NotebookNode:
@@ -161,21 +158,16 @@ def kernel_environment() -> dict[str, str]:
         "PYTHONHASHSEED": "0",
         "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parents[1])]),
         "TQDM_DISABLE": "1",  # a bar of progress is text on stderr
-        "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
+        "LOKY_MAX_CPU_COUNT": str(count_workers()),
     }
 
 
-def count_workers(cores: int, memory: int) -> int:
-    """Processes in which each of two notebooks computes at a time, given all cores and the memory [bytes]."""
-    return max(1, min(cores // 2, memory // (2 * WORKER_BYTES)))
-
-
-def available_memory() -> int:
-    """Memory that this machine has left, or its container may take [bytes]."""
-    limit = Path("/sys/fs/cgroup/memory.max")
-    text = limit.read_text().strip() if limit.exists() else "max"
-    available = psutil.virtual_memory().available
-    return available if text == "max" else min(available, int(text))
+def count_workers() -> int:
+    """Processes in which each of two notebooks computes at a time, by the cores and the memory that are there."""
+    memory = [psutil.virtual_memory().available]
+    if MEMORY_LIMIT.exists() and MEMORY_LIMIT.read_text().strip() != "max":
+        memory.append(int(MEMORY_LIMIT.read_text()))
+    return max(1, min(joblib.cpu_count() // 2, min(memory) // (2 * WORKER_BYTES)))
 
 
 def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
@@ -266,12 +258,8 @@ def explain_failure(error: Exception, started: list[subprocess.Popen], log: Path
     why = str(error).partition("\n")[0]
     if isinstance(error, DeadKernelError) and started:
         status = started[0].wait()
-        how = f"it ended itself, with status {status}"
-        if status < 0:
-            how = f"by {signal.Signals(-status).name}"
-        if status == -signal.SIGKILL:
-            how = "killed: out of memory?"
-        return f"the kernel died: {how}"
+        is_killed = status == -signal.SIGKILL
+        return f"the kernel died: {'killed: out of memory?' if is_killed else f'status {status}'}"
     if not started:
         why = " ".join([why, *log.read_text(errors="replace").splitlines()[-1:]])
     return why

@@ -40,16 +40,15 @@ def note_reads(notes: Path) -> None:
         is_hidden = any(part.startswith((".", "__pycache__")) for part in name.parts)
         if not is_hidden and name.parts[0] not in SETTINGS.get("packages", ()):
             with notes.open("a", encoding="utf-8") as file:
-                file.write(f"{sha256(path)} {name.as_posix()}\n")
+                file.write(f"{name.as_posix()} {sha256(path)}\n")
 
     sys.addaudithook(note)
 
 
 def read_notes(notes: Path) -> dict[str, str]:
-    """SHA-256 of what was read, by name; of a file that was read twice as it was at first."""
+    """SHA-256 of what was read, by name, as it was when it was read first."""
     lines = notes.read_text("utf-8").splitlines() if notes.exists() else []
-    pairs = (line.split(" ", 1) for line in reversed(lines))
-    return {name: digest for digest, name in pairs}
+    return dict(line.rsplit(" ", 1) for line in lines)
 
 
 def bound_output(stream: Any, complain: Callable[[str], Any]) -> None:

@@ -103,8 +103,8 @@ def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:
     """What was changed after a result: every change, and how each rule came about, up to today's verdict."""
     table = read_table("deviations")
     today = claims["verdict"].reindex(table["claim"]).set_axis(table.index)
-    is_last = (table["claim"] != "") & ~table["claim"].duplicated(keep="last")
-    table["verdict_after"] = table["verdict_after"].mask(is_last, today)
+    is_today = (table["claim"] != "") & (table["verdict_after"] == "")
+    table["verdict_after"] = table["verdict_after"].mask(is_today, today)
     return {
         "deviations": table,
         "chains": {rule: _chain(part) for rule, part in table.groupby("rule", sort=False)},

@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+from unittest.mock import Mock
 
+import joblib
 import nbformat
 import psutil
 import pytest
@@ -59,7 +61,7 @@ def small(folder):
 
 
 def run(folder):
-    return execution.run(small(folder), folder)
+    return execution.run(small(folder))
 
 
 @pytest.mark.slow
@@ -107,7 +109,7 @@ results.mkdir()
     [
         ("1 / 0", "ZeroDivisionError: division by zero"),
         ("time.sleep(60)", "A cell timed out while it was being executed, after 2 seconds.;"),
-        ("os._exit(3)", "the kernel died: it ended itself, with status 3;"),
+        ("os._exit(3)", "the kernel died: status 3;"),
         ("os.kill(os.getpid(), 9)", r"the kernel died: killed: out of memory\?;"),
         ("import warnings\nwarnings.warn('old')", "it says on stderr: .*UserWarning: old"),
         ("os.system('echo some words >&2')", "it says on stderr: some words;"),
@@ -187,22 +189,12 @@ def test_a_source_that_is_not_in_utf_8_is_named_in_one_line(project):
         run(folder)
 
 
-LEAVES_AN_OUTCOME = """# %%
-import os
-from pathlib import Path
-outcomes = Path(os.environ["REPLICATION_OUT"], "results", "outcomes")
-outcomes.mkdir(parents=True)
-(outcomes / "01_small.json").write_text("{}")
-"""
-
-
 def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
-    folder = project(**{NAME: LEAVES_AN_OUTCOME})
-    (folder / "results" / "outcomes").touch()  # no folder
-    before = made_in(folder)
-    with pytest.raises(execution.NotebookFailed, match=r"01_small\.py: .*results/outcomes"):
+    folder = project(**{NAME: FAILS})
+    (folder / "results" / "small.csv").mkdir()
+    with pytest.raises(execution.NotebookFailed, match=r"01_small\.py: .*results/small"):
         run(folder)
-    assert made_in(folder) == before
+    assert made_in(folder) == {}
     assert not list(folder.rglob("*.tmp"))
 
 
@@ -282,19 +274,29 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_or_not_a
     assert b"our simulated records" in made_in(folder)[f"results/offline/{LEFT[0]}"]
     folder = project(**{NAME: NEEDS.format([])})
     assert "01_small: not run: Speeddata3.xlsx" in run(folder)
-    assert stamps.find_why_due(folder, NAME) == "not run: Speeddata3.xlsx: where?"
+    assert stamps.find_why_due(NAME) == "not run: Speeddata3.xlsx: where?"
 
 
 @pytest.mark.parametrize("name", [f"{NAME}.ipynb", "missing.py"])
 def test_what_is_no_source_of_a_notebook_is_refused(project, name):
     folder = project(**{NAME: GOOD})
     with pytest.raises(UserError, match=r"give the \.py source of a notebook"):
-        execution.run(folder / "notebooks" / name, folder)
+        execution.run(folder / "notebooks" / name)
 
 
-def test_two_notebooks_share_the_cores_and_the_memory():
-    assert [execution.count_workers(cores, 2**40) for cores in (1, 2, 4, 16)] == [1, 1, 2, 8]
-    assert execution.count_workers(16, 2**32) == 4
+def test_two_notebooks_share_the_cores_and_the_memory(tmp_path, monkeypatch):
+    for cores, memory, limit, workers in (
+        (1, 2**40, "max", 1),
+        (4, 2**40, "max", 2),
+        (16, 2**32, "max", 4),
+        (16, 2**40, str(2**31), 2),
+    ):
+        monkeypatch.setattr(joblib, "cpu_count", lambda cores=cores: cores)
+        memory = Mock(available=memory)
+        monkeypatch.setattr(psutil, "virtual_memory", lambda memory=memory: memory)
+        (tmp_path / "limit").write_text(f"{limit}\n")
+        monkeypatch.setattr(execution, "MEMORY_LIMIT", tmp_path / "limit")
+        assert execution.count_workers() == workers
 
 
 LONG = """# %%

@@ -3,7 +3,6 @@
 import math
 import os
 import re
-import shutil
 import subprocess
 import sys
 
@@ -20,12 +19,12 @@ README = (ROOT / "README.md").read_text("utf-8")
 
 @pytest.fixture(scope="module")
 def judged():
-    return {"verdicts": judging.verdicts(RESULTS), "claims": judging.claims(RESULTS)}
+    return {"verdicts": judging.verdicts(), "claims": judging.claims()}
 
 
 @pytest.fixture(scope="module")
 def facts(judged):
-    return report.describe(**judged, results=RESULTS)
+    return report.describe(**judged)
 
 
 def render(facts, **changed):
@@ -34,10 +33,12 @@ def render(facts, **changed):
     return report.render(facts | {"f": facts["f"] | of_notebooks} | changed)[0]
 
 
-def test_the_committed_report_and_readme_are_those_of_the_results(facts):
-    page, status = report.render(facts)
-    assert page == TEXT
-    assert f"-->\n{status}\n<!--" in README
+def test_the_committed_report_tables_and_readme_are_those_of_the_results(tmp_path):
+    made = report.make_report()
+    report.refuse_stale(made)
+    for file in (RESULTS / "verdicts.csv", ROOT / "README.md", tmp_path / "provenance.json"):
+        with pytest.raises(UserError, match=rf"{file.name}: it says other than the results"):
+            report.refuse_stale(made | {file: b"other"})
 
 
 @pytest.mark.parametrize(
@@ -46,20 +47,6 @@ def test_the_committed_report_and_readme_are_those_of_the_results(facts):
 def test_the_report_refuses_to_say_what_is_absent(facts, absent):
     with pytest.raises(UserError, match=r"run make all$"):
         render(facts, **absent)
-
-
-def test_a_report_that_lacks_something_writes_nothing(tmp_path, monkeypatch):
-    written = {}
-    monkeypatch.setattr(report, "write_files", written.update)
-    report.write_report(RESULTS, ROOT / "README.md")
-    assert {file.name for file in written} >= {"report.md", "verdicts.csv", "README.md"}
-    written.clear()
-    results = tmp_path / "results"
-    results.mkdir()
-    shutil.copy(RESULTS / "kept_sha256.json", results)
-    with pytest.raises(UserError, match="no notebook has computed it"):
-        report.write_report(results, ROOT / "README.md")
-    assert not written
 
 
 STATUS = "<!-- status: begin -->\n-\n<!-- status: end -->\n"
@@ -74,22 +61,14 @@ TEXTS = {
 }
 
 
+@pytest.mark.parametrize("place", ["README", "TEMPLATE"])
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
-def test_a_damaged_readme_or_template_is_one_line_and_nothing_is_written(
-    text, tmp_path, monkeypatch, facts
-):
-    file = tmp_path / "README.md"
-    file.write_bytes(text)
-    monkeypatch.setattr(report, "describe", lambda *results: facts)
-    for judged in ("verdicts", "claims"):
-        monkeypatch.setattr(judging, judged, lambda results: None)
-    for readme, template in ((file, report.TEMPLATE), (ROOT / "README.md", file)):
-        monkeypatch.setattr(report, "TEMPLATE", template)
-        if template == file:
-            file.write_bytes(text.replace(b"Words", b"{% if"))
-        with pytest.raises(UserError, match=rf"^{file}: .*git checkout brings it back$"):
-            report.write_report(RESULTS, readme)
-    assert [*tmp_path.iterdir()] == [file]
+def test_a_damaged_readme_or_template_is_named_in_one_line(text, place, tmp_path, monkeypatch):
+    file = tmp_path / "file.md"
+    file.write_bytes(text if place == "README" else text.replace(b"Words", b"{% if"))
+    monkeypatch.setattr(report, place, file)
+    with pytest.raises(UserError, match=rf"^{file}: .*git checkout brings it back$"):
+        report.make_report()
 
 
 def test_every_link_of_report_and_readme_leads_to_a_file():
@@ -127,7 +106,7 @@ def test_a_number_that_changes_changes_the_sentences(facts):
 def test_a_number_that_agrees_weakly_is_counted_apart(facts, judged):
     verdicts = judged["verdicts"].copy()
     verdicts.loc["table2.row05.mean", "weak"] = "yes"
-    weaker = report.describe(verdicts, judged["claims"], RESULTS)
+    weaker = report.describe(verdicts, judged["claims"])
     assert weaker["strong"] == facts["strong"] - 1
     assert f"{weaker['strong']} agree, {weaker['weak']} weakly" in render(weaker)
     assert "| 5 | *0.6731* |" in render(weaker)
@@ -135,7 +114,7 @@ def test_a_number_that_agrees_weakly_is_counted_apart(facts, judged):
 
 def test_a_report_in_which_nothing_agrees_is_written(judged, facts):
     verdicts = judged["verdicts"].assign(agreement="differs", weak="")
-    page = report.render(report.describe(verdicts, judged["claims"], RESULTS))[0]
+    page = report.render(report.describe(verdicts, judged["claims"]))[0]
     assert (
         f"0 agree, 0 weakly (a third more or less would agree, too), 0 only with each other; {len(verdicts)}"
         in page
