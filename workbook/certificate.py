@@ -4,11 +4,11 @@ import os
 import platform
 import subprocess
 import sys
-from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+import pandas as pd
 from llvmlite import binding
 
 from replication.files import KEPT_SHA256, DataUnavailable, UserError
@@ -16,6 +16,9 @@ from workbook import judging
 from workbook.project import ROOT, SETTINGS, find_hook, notebook_sources
 from workbook.report import make_report, provenance, refuse_stale
 from workbook.stamps import find_why_due, list_kept, list_made, read_stamp, refuse_faults, sha256
+
+ANOTHER = "another"  # row than the kept one
+Texts = Mapping[str, Any]  # by the name of a notebook or file
 
 
 def certify(full: bool = False) -> dict[str, Any]:
@@ -29,69 +32,108 @@ def certify(full: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        `commit` and what is `changed` since; date, machine, versions; of each notebook why it does not count as made
-        here ("" if it does), its seconds, and what it `lacks`; of each committed result, figure and notebook its
-        SHA-256, whether it is the `same` as committed, and whether it was made here; of each file of public data why
-        it is not the registered one; of each kept table what a row made again is; of each printed number how it
-        agrees, and by which notebook; or why none is judged.
+        A `summary` in words, the `differences` from what is committed, and `remarks`, a line each; of each notebook
+        why it does not count as made here ("" if it does) and what its stamp holds; of each committed result, figure
+        and notebook its SHA-256, whether it is the `same` as committed, and whether it was made here; of each file of
+        public data why it is not the registered one; of each kept table what a row made again is; of each printed
+        number how it agrees, and by which notebook.
 
     Raises
     ------
     UserError
         No notebook was run here, or this is no clone, which has nothing committed to compare with.
     """
-    nothing = {"seconds": 0.0, "ended": 0.0, "lacks": "", "record": ""}
-    runs = {
-        name: nothing | read_stamp(name) | {"why": find_why_due(name)}
-        for name in notebook_sources()
-    }
-    if not any(run["record"] for run in runs.values()):
+    runs = {name: read_stamp(name) | {"why": find_why_due(name)} for name in notebook_sources()}
+    if not any(run.get("record") for run in runs.values()):
         raise UserError("no notebook was run here: there is nothing to certify; make all runs them")
-    made_here = {file for name in _list_here(runs) for file in list_made(name)}
-    unjudged, numbers = "", {}
+    here = [name for name, run in runs.items() if not run["why"]]
+    made_here = {file for name in here for file in list_made(name)}
+    numbers, files, differences = judge_here()
+    changed, results = compare_results(made_here | files)
+    kept = {
+        name: make_row_again(name) if full else "" for name in list_kept() if name in results.index
+    }
+    data = check_data()
+    differences += list_differences(runs, changed, results, kept, data)
+    remarks = [f"{name}: {run['why']}" for name, run in runs.items() if run.get("lacks")]
+    remarks += [f"{name}: a row: {row}" for name, row in kept.items() if row not in ("", ANOTHER)]
+    is_here = numbers["notebook"].isin(["", *here])  # "": needs no run
+    made = results[results["made_here"]]
+    unchanged = ", ".join(os.path.basename(name) for name in kept if results["same"][name])
+    summary = {
+        "commit": _git("rev-parse", "HEAD").strip(),
+        "changed since": ", ".join(changed) or "nothing",
+        **describe_machine(),
+        "notebooks run here with this code": f"{len(here)} of {len(runs)}, "
+        f"{sum_up_seconds(runs[name] for name in here)}",
+        "made here and the same": f"{made['same'].sum()} of {len(made)} files that were made here",
+        "kept, unchanged, not made here": f"{unchanged or 'none'}; of what is made, "
+        f"{len(results) - len(made) - len(kept)} files were not",
+        "sources": f"public data as registered: {[*data.values()].count('')} of {len(data)}",
+        "printed numbers, by notebooks run here": count_grades(numbers.loc[is_here, "grade"]),
+        "printed numbers, by committed outcomes": count_grades(numbers.loc[~is_here, "grade"]),
+    }
+    return {
+        "summary": summary,
+        "differences": differences,
+        "remarks": remarks,
+        "runs": runs,
+        "results": results.to_dict("index"),
+        "data": data,
+        "kept": kept,
+        "numbers": numbers.to_dict("index"),
+    }
+
+
+def judge_here() -> tuple[pd.DataFrame, set[str], list[str]]:
+    """Make the report again: the printed numbers' grades, the files that it is, and why it can't be made."""
     try:
         refuse_faults()
         report = make_report()
         refuse_stale(report)
-        made_here |= {file.relative_to(ROOT).as_posix() for file in report}
-        verdicts = judging.verdicts()
-        graded = verdicts.assign(grade=judging.grade(verdicts))
-        numbers = graded[["grade", "notebook"]].to_dict("index")
     except UserError as error:
-        unjudged = str(error)
+        nothing = pd.DataFrame(columns=["grade", "notebook"])
+        return nothing, set(), [f"no number is judged: {error}"]
+    verdicts = judging.verdicts()
+    numbers = verdicts.assign(grade=judging.grade(verdicts))[["grade", "notebook"]]
+    return numbers, {file.relative_to(ROOT).as_posix() for file in report}, []
+
+
+def describe_machine() -> dict[str, str]:
+    """What it ran on, and when."""
+    versions = provenance()["versions"] | {"python": platform.python_version()}
+    return {
+        "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
+        "versions": ", ".join(f"{name} {each}" for name, each in versions.items()),
+    }
+
+
+def list_differences(
+    runs: Texts, changed: list[str], results: pd.DataFrame, kept: Texts, data: Texts
+) -> list[str]:
+    """Say in a line each what a rerun did not make as it is committed, and what it did not run."""
+    lines = {name: run["why"] for name, run in runs.items() if not run.get("lacks")}
+    lines |= dict.fromkeys(results.index[~results["same"]], "not as committed")
+    lines |= dict.fromkeys([name for name in changed if name not in results.index], "changed since")
+    lines |= dict.fromkeys(
+        [name for name in kept if kept[name] == ANOTHER], f"a row made again is {ANOTHER}"
+    )
+    of_data = [f"public data: {why}" for why in dict.fromkeys(data.values()) if why]
+    return [f"{name}: {why}" for name, why in lines.items() if why] + of_data
+
+
+def compare_results(made_here: set[str]) -> tuple[list[str], pd.DataFrame]:
+    """List what changed since the commit; and of what is made its SHA-256, is it the `same`, and was it `made_here`."""
     committed = {*_list("ls-files", "-z", "results", "figures", "notebooks", "README.md")}
     if not committed:
         raise UserError(f"{ROOT}: no clone with a commit: git has nothing of it")
     changed = {*_list("diff", "-z", "--name-only", "--relative", "HEAD")}
     changed |= {*_list("ls-files", "-z", "-o", "--exclude-standard")}
-    results = {
-        name: {
-            "sha256": sha256(ROOT / name),
-            "same": name in committed - changed,
-            "made_here": name in made_here,
-        }
-        for name in sorted(made_here | {each for each in committed if _is_result(each)})
-    }
-    return {
-        "commit": _git("rev-parse", "HEAD").strip(),
-        "changed": sorted(changed),
-        "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
-        "versions": provenance()["versions"] | {"python": platform.python_version()},
-        "runs": runs,
-        "data": check_data(),
-        "results": results,
-        "kept": {
-            name: make_row_again(name) if full else "" for name in list_kept() if name in results
-        },
-        "numbers": numbers,
-        "unjudged": unjudged,
-    }
-
-
-def _list_here(runs: dict[str, dict[str, Any]]) -> list[str]:
-    """Names of the notebooks that count as made here."""
-    return [name for name, run in runs.items() if not run["why"]]
+    names = sorted(made_here | {*filter(_is_result, committed)})
+    table = pd.DataFrame({"sha256": [sha256(ROOT / name) for name in names]}, names)
+    table["same"] = table.index.isin(committed - changed)
+    return sorted(changed), table.assign(made_here=table.index.isin(made_here))
 
 
 def _is_result(name: str) -> bool:
@@ -124,7 +166,7 @@ def make_row_again(table: str) -> str:
     if ended.returncode:
         return f"not made again: {ended.stderr.strip().rpartition(chr(10))[2]}"
     kept = (ROOT / table).read_text("utf-8").splitlines()
-    return "same" if {*ended.stdout.splitlines()} <= {*kept} else "another"
+    return "same" if {*ended.stdout.splitlines()} <= {*kept} else ANOTHER
 
 
 def _git(*arguments: str) -> str:
@@ -146,21 +188,6 @@ def _list(*arguments: str) -> list[str]:
 # ------------------------------------------------------------------------------------------------------------ in words
 
 
-def find_differences(about: dict[str, Any]) -> list[str]:
-    """Say in a line each what a rerun did not make as it is committed, and what it did not run."""
-    results = about["results"]
-    lines = {name: run["why"] for name, run in about["runs"].items() if not run["lacks"]}
-    lines |= {name: "" if each["same"] else "not as committed" for name, each in results.items()}
-    lines |= {name: "changed since" for name in about["changed"] if name not in results}
-    again = [name for name, row in about["kept"].items() if row == "another"]
-    return [
-        *(f"{name}: {why}" for name, why in lines.items() if why),
-        *(f"{name}: a row made again is another" for name in again),
-        *([f"no number is judged: {about['unjudged']}"] if about["unjudged"] else []),
-        *(f"public data: {why}" for why in dict.fromkeys(about["data"].values()) if why),
-    ]
-
-
 def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
     """Write how long runs took: their sum, and the time in which one of them or more ran."""
     wall, until = 0.0, 0.0
@@ -171,47 +198,25 @@ def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
     return f"{sum(end - start for start, end in ran):.0f} s in sum, {wall:.0f} s of wall time"
 
 
-def count_grades(about: dict[str, Any], is_here: bool) -> str:
-    """Count printed numbers by how they agree, of the notebooks that count as run here, or of the others."""
-    here = {"", *_list_here(about["runs"])}  # "": needs no run
-    numbers = about["numbers"].values()
-    grades = Counter(each["grade"] for each in numbers if (each["notebook"] in here) == is_here)
-    return ", ".join(f"{grades[each]} {each}" for each in judging.GRADES) if grades else "none"
+def count_grades(grades: pd.Series) -> str:
+    """Count printed numbers by how they agree."""
+    counts = grades.value_counts()
+    return (
+        ", ".join(f"{counts.get(each, 0)} {each}" for each in judging.GRADES if len(grades))
+        or "none"
+    )
 
 
 def write_certificate(about: dict[str, Any]) -> str:
     """A page in Markdown that says what `certify` found."""
-    results, kept, runs = about["results"], about["kept"], about["runs"]
-    here = _list_here(runs)
-    made = [each["same"] for each in results.values() if each["made_here"]]
-    unchanged = [os.path.basename(name) for name in kept if results[name]["same"]]
-    others = len(results) - len(made) - len(kept)
-    files = [not why for why in about["data"].values()]
-    rows = {
-        "commit": about["commit"],
-        "changed since": ", ".join(about["changed"]) or "nothing",
-        "date": about["date"],
-        "machine": about["machine"],
-        "versions": ", ".join(f"{name} {each}" for name, each in about["versions"].items()),
-        "notebooks run here with this code": f"{len(here)} of {len(runs)}, "
-        + sum_up_seconds(runs[name] for name in here),
-        "made here and the same": f"{sum(made)} of {len(made)} files that were made here",
-        "kept, unchanged, not made here": f"{', '.join(unchanged) or 'none'}; "
-        f"of what is made, {others} files were not",
-        "sources": f"public data as registered: {sum(files)} of {len(files)}",
-        "printed numbers, by notebooks run here": count_grades(about, True),
-        "printed numbers, by committed outcomes": count_grades(about, False),
-    }
     lines = [
         "# Certificate of a rerun",
         "",
         "| | |",
         "|-|-|",
-        *(f"| {name} | {words} |" for name, words in rows.items()),
+        *(f"| {name} | {words} |" for name, words in about["summary"].items()),
         "",
-        *(f"- {line}" for line in find_differences(about) or ["no difference"]),
-        *(f"- {name}: {run['why']}" for name, run in runs.items() if run["lacks"]),
-        *(f"- {name}: a row: {row}" for name, row in kept.items() if row and row != "another"),
+        *(f"- {line}" for line in (about["differences"] or ["no difference"]) + about["remarks"]),
         "",
         "The hashes, runs and numbers stand one by one in verification.json.",
         "",

@@ -212,7 +212,6 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         kernel_name="python3",
         timeout=CELL_TIMEOUT_S,
         record_timing=False,
-        coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
         shutdown_kernel="immediate",
         extra_arguments=["--IPKernelApp.extensions=workbook.kernel"],
         resources={"metadata": {"path": str(source.parent)}},
@@ -241,13 +240,22 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
 
 
 def take_stderr(notebook: NotebookNode) -> str:
-    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it."""
+    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it.
+
+    Texts of a cell are joined: in how many pieces one arrives is a matter of time.
+    """
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
-        for output in [each for each in cell.outputs if each.get("name") == "stderr"]:
-            if unknown := HARMLESS.sub("", output.text).strip():
+        texts: dict[str, NotebookNode] = {}
+        for output in [each for each in cell.outputs if each.output_type == "stream"]:
+            first = texts.setdefault(output.name, output)
+            if first is not output:
+                first.text += output.text
+                cell.outputs = [each for each in cell.outputs if each is not output]
+        if "stderr" in texts:
+            if unknown := HARMLESS.sub("", texts["stderr"].text).strip():
                 return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
-            cell.outputs.remove(output)
+            cell.outputs.remove(texts["stderr"])
     return ""
 
 

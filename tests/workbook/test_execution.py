@@ -165,28 +165,21 @@ def test_the_advice_takes_the_edits_over_whichever_file_is_newer(project, newer,
 
 
 DAMAGED = {
-    "truncated": '{"cells": [{"cell_type": "code", "source": ["repe',
-    "merge-marked": '{\n<<<<<<< HEAD\n "cells": []\n=======\n "cells": [1]\n>>>>>>> other\n}',
-    "empty": "",
-    "another JSON": "[1, 2]",
+    "truncated": ("ipynb", b'{"cells": [{"cell_type": "code", "source": ["repe', "delete it"),
+    "merge-marked": ("ipynb", b"{\n<<<<<<< HEAD\n=======\n>>>>>>> other\n}", "delete it"),
+    "empty": ("ipynb", b"", "delete it"),
+    "another JSON": ("ipynb", b"[1, 2]", "delete it"),
+    "not in UTF-8": ("py", "# %%\nname = 'größer'\n".encode("latin-1"), "correct it"),
 }
 
 
-@pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED)
-def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, text):
-    folder = project(**{NAME: "# %%\nrepeats = 30\n"})
-    (folder / LEFT[0]).write_text(text, "utf-8")
-    with pytest.raises(UserError, match=r"01_small\.ipynb: no notebook .*; delete it") as refused:
-        run(folder)
-    assert "\n" not in str(refused.value)
-    assert (folder / LEFT[0]).read_text("utf-8") == text
-
-
-def test_a_source_that_is_not_in_utf_8_is_named_in_one_line(project):
-    folder = project(**{NAME: ""})
-    small(folder).write_bytes("# %%\nname = 'größer'\n".encode("latin-1"))
-    with pytest.raises(UserError, match=r"^.*01_small\.py: no notebook .*; correct it$"):
-        run(folder)
+@pytest.mark.parametrize(("kind", "content", "advice"), DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, kind, content, advice):
+    file = project(**{NAME: "# %%\nrepeats = 30\n"}) / "notebooks" / f"{NAME}.{kind}"
+    file.write_bytes(content)
+    with pytest.raises(UserError, match=rf"^.*{NAME}\.{kind}: no notebook .*; {advice}.*$"):
+        execution.run(file.with_suffix(".py"))
+    assert file.read_bytes() == content
 
 
 def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
@@ -216,22 +209,25 @@ def test_files_are_written_all_or_none_and_what_stands_in_the_way_is_named(tmp_p
     assert good.read_bytes() == b"old"
 
 
-@pytest.mark.slow
-def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(project):
-    folder = project(**{NAME: GOOD})
-    old = folder / ".make" / f"{NAME}.staging"
-    old.mkdir(parents=True)
-    run(folder)
-    shared = {folder / "results": 0o2775, folder / "results" / "small.csv": 0o664}
-    for path, mode in shared.items():
-        path.chmod(mode)
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path):
+    (tmp_path / "shared.csv").touch(0o664)
+    (tmp_path / "shared.csv").chmod(0o664)
     mask = os.umask(0o077)
     try:
-        run(folder)
+        write_files({tmp_path / "shared.csv": b"new"})
     finally:
         os.umask(mask)
-    assert [path.stat().st_mode & 0o7777 for path in shared] == [*shared.values()]
+    assert (tmp_path / "shared.csv").stat().st_mode & 0o777 == 0o664
+
+
+def test_a_new_run_clears_old_staging(project, without_kernel):
+    folder = project(**{NAME: "# %%\nrepeats = 30\n"})
+    old = folder / ".make" / f"{NAME}.staging"
+    old.mkdir()
+    (old / "left.csv").touch()
+    run(folder)
     assert not old.exists()
+    assert not (folder / "left.csv").exists()
 
 
 @pytest.mark.slow
