@@ -84,19 +84,24 @@ def run(notebook: Path) -> None:
 
 
 def report() -> None:
-    """Write the verdicts, report.md, what the results are made from, and README's status, all or none; then check."""
+    """Write the verdicts, report.md, the versions and README's status, all or none."""
     made = _make_report()
     write_files(made)
     print(next(iter(made)))
-    _print_verdicts()
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
-    from workbook.report import refuse_stale
+    from workbook import judging
+    from workbook.report import find_surprises, list_verdicts, refuse_stale
 
     refuse_stale(_make_report())
-    return _print_verdicts()
+    verdicts = judging.verdicts()
+    surprises = find_surprises(verdicts)
+    print(list_verdicts(verdicts, judging.claims()))
+    for cell in surprises:
+        print(f"{cell}: differs, which is not expected")
+    return int(bool(surprises))
 
 
 def _make_report() -> dict[Path, bytes]:
@@ -105,17 +110,6 @@ def _make_report() -> dict[Path, bytes]:
 
     refuse_faults()
     return make_report()
-
-
-def _print_verdicts() -> int:
-    from workbook import judging, report
-
-    verdicts = judging.verdicts()
-    print(report.list_verdicts(verdicts, judging.claims()))
-    surprises = report.find_surprises(verdicts)
-    for cell in surprises:
-        print(f"{cell}: differs, which is not expected")
-    return int(bool(surprises))
 
 
 def verify(full: bool) -> int:

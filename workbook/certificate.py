@@ -17,6 +17,7 @@ from workbook.project import ROOT, SETTINGS, find_hook, notebook_sources
 from workbook.report import make_report, provenance, refuse_stale
 from workbook.stamps import find_why_due, list_kept, list_made, read_stamp, refuse_faults, sha256
 
+MADE = ("results", "figures", "notebooks/*.ipynb", "README.md")  # as git finds what is made
 ANOTHER = "another"  # row than the kept one
 Texts = Mapping[str, Any]  # by the name of a notebook or file
 
@@ -27,16 +28,15 @@ def certify(full: bool = False) -> dict[str, Any]:
     Parameters
     ----------
     full : bool
-        Whether a row of each kept table is made again.
+        Whether to make a row of each kept table again.
 
     Returns
     -------
     dict
-        A `summary` in words, the `differences` from what is committed, and `remarks`, a line each; of each notebook
-        why it does not count as made here ("" if it does) and what its stamp holds; of each committed result, figure
-        and notebook its SHA-256, whether it is the `same` as committed, and whether it was made here; of each file of
-        public data why it is not the registered one; of each kept table what a row made again is; of each printed
-        number how it agrees, and by which notebook.
+        A `summary` in words, the `differences` from what is committed, and `remarks`; of each notebook why it does not
+        count as made here, and its stamp; of each result its SHA-256, is it the `same` as committed, was it made here;
+        of each file of public data why it is not the registered one; of each kept table what a row made again is; of
+        each printed number how it agrees, and by which notebook.
 
     Raises
     ------
@@ -50,9 +50,8 @@ def certify(full: bool = False) -> dict[str, Any]:
     made_here = {file for name in here for file in list_made(name)}
     numbers, files, differences = judge_here()
     changed, results = compare_results(made_here | files)
-    kept = {
-        name: make_row_again(name) if full else "" for name in list_kept() if name in results.index
-    }
+    tables = [name for name in list_kept() if name in results.index]
+    kept = {name: make_row_again(name) if full else "" for name in tables}
     data = check_data()
     differences += list_differences(runs, changed, results, kept, data)
     remarks = [f"{name}: {run['why']}" for name, run in runs.items() if run.get("lacks")]
@@ -125,22 +124,15 @@ def list_differences(
 
 def compare_results(made_here: set[str]) -> tuple[list[str], pd.DataFrame]:
     """List what changed since the commit; and of what is made its SHA-256, is it the `same`, and was it `made_here`."""
-    committed = {*_list("ls-files", "-z", "results", "figures", "notebooks", "README.md")}
+    committed = {*_list("ls-files", "-z", *MADE, f":!results/{KEPT_SHA256}")}
     if not committed:
         raise UserError(f"{ROOT}: no clone with a commit: git has nothing of it")
     changed = {*_list("diff", "-z", "--name-only", "--relative", "HEAD")}
     changed |= {*_list("ls-files", "-z", "-o", "--exclude-standard")}
-    names = sorted(made_here | {*filter(_is_result, committed)})
+    names = sorted(made_here | committed)
     table = pd.DataFrame({"sha256": [sha256(ROOT / name) for name in names]}, names)
     table["same"] = table.index.isin(committed - changed)
     return sorted(changed), table.assign(made_here=table.index.isin(made_here))
-
-
-def _is_result(name: str) -> bool:
-    """Whether a committed file is one that is made: not a source, nor a page that a person writes."""
-    if name.endswith(KEPT_SHA256):
-        return False
-    return name == "README.md" or not name.startswith("notebooks/") or name.endswith(".ipynb")
 
 
 def check_data() -> dict[str, str]:
