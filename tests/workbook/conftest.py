@@ -10,7 +10,6 @@ from workbook import project as project_module
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SETTINGS = f"""[tool.workbook]
 packages = ["tools"]
-folders = ["BACKLASH_DATA"]
 cells = "{ROOT}/replication/data/cells.csv"
 claims = "{ROOT}/replication/data/claims.csv"
 kept = "tools.kept"

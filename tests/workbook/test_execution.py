@@ -240,7 +240,7 @@ def test_an_interrupted_run_says_one_line_and_leaves_no_kernel(project, tmp_path
     running = subprocess.Popen(
         command,
         cwd=folder,
-        env=without_data() | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -346,9 +346,4 @@ def start_make(folder):
     machine = f"PYTHONPATH={shlex.quote(str(ROOT))} {shlex.quote(sys.executable)} -m workbook"
     run.write_text(f'test "$1" = report || exec env {machine} "$@"\n')
     command = ["make", "all", "RUN=sh run.sh"]
-    return subprocess.Popen(command, cwd=folder, env=without_data(), stderr=subprocess.DEVNULL)
-
-
-def without_data():
-    """The environment of a command that may ask for data."""
-    return {name: value for name, value in os.environ.items() if name != "BACKLASH_DATA"}
+    return subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL)

@@ -140,6 +140,7 @@ TOLD = [
     ("above", 3.0, {3.1: True, LESS: False, MORE: False}),
     ("at least", 3.0, {LESS: True, MORE: True, 2.9: False}),
     ("rounds to", 4e-4, {4.49e-4: True, 4.51e-4: False, 3.51e-4: True, 3.49e-4: False}),
+    ("rounds to, or a bound", 4e-4, {4.49e-4: True, 4.51e-4: False, 3.49e-4: None}),
     ("interval below", 3.0, {(1.0, 2.9): True, (3.1, 4.0): False, (2.0, 4.0): None}),
     ("interval above", 3.0, {(3.1, 4.0): True, (1.0, 2.9): False, (2.0, 4.0): None}),
     ("p below", 0.05, {(0.01, 0.99): True, (0.99, 0.01): False, (0.2, 0.8): None}),
