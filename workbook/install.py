@@ -16,7 +16,8 @@ import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import Distribution, PackageNotFoundError, distributions, version
+from importlib.metadata import Distribution, distributions
+from importlib.util import find_spec
 from pathlib import Path
 
 from workbook.parent import make_lives
@@ -160,9 +161,8 @@ def run_pip(lock: Path) -> bool:
 @cache
 def pip() -> list[str]:
     """The command pip for .venv: of the Python that makes it, or where that has none, in .venv, which takes seconds."""
-    with contextlib.suppress(PackageNotFoundError, ValueError):
-        if [*map(int, version("pip").split(".")[:2])] >= [22, 3]:  # which knows --python
-            return [sys.executable, "-I", "-m", "pip", "--python", PYTHON]
+    if find_spec("pip"):  # 22.3 or newer, as with each Python from 3.11 on: it knows --python
+        return [sys.executable, "-I", "-m", "pip", "--python", PYTHON]
     run([PYTHON, "-I", "-m", "ensurepip"])
     return [PYTHON, "-I", "-m", "pip"]
 
