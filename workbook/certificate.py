@@ -93,8 +93,7 @@ def judge_here() -> tuple[pd.DataFrame, set[str], list[str]]:
     except UserError as error:
         nothing = pd.DataFrame(columns=["grade", "notebook"])
         return nothing, set(), [f"no number is judged: {error}"]
-    verdicts = judging.verdicts()
-    numbers = verdicts.assign(grade=judging.grade(verdicts))[["grade", "notebook"]]
+    numbers = judging.verdicts()[["grade", "notebook"]]
     return numbers, {file.relative_to(ROOT).as_posix() for file in report}, []
 
 

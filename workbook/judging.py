@@ -115,9 +115,13 @@ def judge_numbers(ours: pd.DataFrame) -> pd.DataFrame:
 
     is_tested = np.isfinite(table["reproduced"]) & np.isfinite(table["low"])
     is_tested &= ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
-    table["agreement"] = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
-    is_weak = (table["agreement"] == "agrees") & (holds(2 / 3) | holds(4 / 3))
+    agreement = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
+    table["agreement"] = agreement
+    agrees = agreement == "agrees"
+    is_weak = agrees & (holds(2 / 3) | holds(4 / 3))
     table["weak"] = np.where(is_weak, "yes", "")
+    grade = table["agreement"].mask(agrees & (table["source"] == CONSISTENT), "consistent")
+    table["grade"] = grade.mask(is_weak, "agrees weakly")  # how much an agreement says
     table["name"] = name_cells(table)
     table["why"] = table["known_difference"].replace("", "no explanation known")
     table["reason"] = [_reason(row) for row in table.itertuples()]
@@ -140,13 +144,6 @@ def verdicts() -> pd.DataFrame:
     for cell in table.index[is_lacking]:
         raise UserError(f"{cell}: no notebook has computed it; make all runs them")
     return table
-
-
-def grade(verdicts: pd.DataFrame) -> pd.Series:
-    """Say how much each verdict says: an agreement is weak, or the paper's consistency alone."""
-    grades = verdicts["agreement"].mask(verdicts["source"] == CONSISTENT, "consistent")
-    grades = grades.mask(verdicts["weak"] == "yes", "agrees weakly")
-    return grades.where(verdicts["agreement"] == "agrees", verdicts["agreement"])
 
 
 # ------------------------------------------------------------------------------------------------------------ claims

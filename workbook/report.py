@@ -65,8 +65,7 @@ def span(numbers: Sequence[float], form: str) -> str:
 
 def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
     """Printed numbers with their verdicts as a reader reads them: `ours`, `interval` and what is `shown`."""
-    table = verdicts.assign(grade=judging.grade(verdicts))
-    table["shown"] = table["grade"].replace("consistent", "agrees")
+    table = verdicts.assign(shown=verdicts["grade"].replace("consistent", "agrees"))
     for column, number in {"ours": "reproduced", "from": "low", "to": "high"}.items():
         table[column] = [*map(like_printed, table[number], table["printed"])]
     interval = (table["from"] + " to " + table["to"]).mask(

@@ -114,6 +114,7 @@ def test_agreement_is_weak_where_half_or_twice_the_printed_number_would_agree_to
     for spread, weak in ((0.01, ""), (0.5, "yes")):
         row = judged(cell, {"a": forty(printed, spread)})
         assert (row["agreement"], row["weak"]) == ("agrees", weak)
+        assert row["grade"] == ("agrees weakly" if weak else "agrees")
     far = judged(cell, {"a": forty(3 * printed, 0.1)})
     assert (far["agreement"], far["weak"]) == ("differs", "")
     table = judging.verdicts()

@@ -86,6 +86,10 @@ def test_every_link_of_report_and_readme_leads_to_a_file():
 def test_make_check_prints_every_number_and_notices_a_new_difference(judged):
     verdicts = judged["verdicts"].copy()
     printed = report.list_verdicts(verdicts, judged["claims"])
+    differing = verdicts.index[verdicts["agreement"] == "differs"]
+    first = printed.partition("\n\n")[0].splitlines()
+    assert first[0] == f"{len(differing)} of {len(verdicts)} printed numbers: differs"
+    assert [line.split()[0] for line in first[1:]] == [*differing]
     assert all(cell in printed for cell in published.cells().index)
     assert report.find_surprises(verdicts) == []
     verdicts.loc["table2.row03.mean", "agreement"] = "differs"
@@ -167,7 +171,7 @@ def test_the_sentences_of_the_paper_are_counted_by_what_holds(facts):
 
 def test_a_number_that_agrees_weakly_is_counted_apart(facts, judged):
     verdicts = judged["verdicts"].copy()
-    verdicts.loc["table2.row05.mean", "weak"] = "yes"
+    verdicts.loc["table2.row05.mean", "grade"] = "agrees weakly"
     weaker = report.describe(verdicts, judged["claims"])
     assert weaker["strong"] == facts["strong"] - 1
     assert f"{weaker['strong']} agree, {weaker['weak']} weakly" in render(weaker)
@@ -175,7 +179,7 @@ def test_a_number_that_agrees_weakly_is_counted_apart(facts, judged):
 
 
 def test_a_report_in_which_nothing_agrees_is_written(judged, facts):
-    verdicts = judged["verdicts"].assign(agreement="differs", weak="")
+    verdicts = judged["verdicts"].assign(agreement="differs", grade="differs")
     page = report.render(report.describe(verdicts, judged["claims"]))[0]
     assert (
         f"0 agree, 0 weakly (a third more or less would agree, too), 0 only with each other; {len(verdicts)}"
