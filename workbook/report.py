@@ -21,8 +21,10 @@ from workbook.project import RESULTS, ROOT, SETTINGS, find_hook
 
 TEMPLATE = ROOT / SETTINGS["report"]
 README = ROOT / "README.md"
-STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
-STATUS = re.compile("|".join(STATUS_MARKS))
+# What stands between one pair of marks, and no other mark.
+STATUS = re.compile(
+    r"(?<=<!-- status: begin -->\n)((?!<!-- status).)*(?=<!-- status: end -->)", re.DOTALL
+)
 VERDICTS = ("agrees", "agrees weakly", "differs", "not tested")
 # Columns of the tables that are written.
 OF_CELLS = [
@@ -212,13 +214,11 @@ def make_report() -> dict[Path, bytes]:
         why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
         raise UserError(f"{RESULTS}: the report cannot be made from it ({why})") from error
     page, status = render(described)
-    text = read_committed(README, str)
-    if STATUS.findall(text) != list(STATUS_MARKS):  # the text between two pairs would go
+    text, count = STATUS.subn(lambda _: f"{status}\n", read_committed(README, str))
+    if count != 1:
         raise UserError(
             f"{README}: not one pair of marks of the status; git checkout brings it back"
         )
-    before, _, after = STATUS.split(text)
-    text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
     return {
         RESULTS / "report.md": page.encode(),
         RESULTS / "verdicts.csv": as_csv(verdicts.reset_index()[OF_CELLS]),

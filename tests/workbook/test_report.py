@@ -59,6 +59,7 @@ STATUS = "<!-- status: begin -->\n-\n<!-- status: end -->\n"
 TEXTS = {
     "no mark": b"Words.\n",
     "two pairs of marks": f"{STATUS}Words between.\n{STATUS}".encode(),
+    "a mark between": STATUS.replace("-\n", "-\n<!-- status: begin --\n").encode(),
     "marks in the other order": b"<!-- status: end -->\n<!-- status: begin -->\n",
     "a merge's mark": f"{STATUS}<<<<<<< HEAD\n".encode(),
     "cut": STATUS.rstrip().encode(),
