@@ -51,6 +51,7 @@ workbook.show(figure, "three words more")
 
 # %%
 visible = 1
+other = 2
 visible
 
 # %% tags=["solution"]
@@ -62,7 +63,7 @@ def test_the_reading_time_counts_words_code_equations_figures_and_tables(tmp_pat
     (tmp_path / "small.py").write_text(SOURCE, "utf-8")
     monkeypatch.setattr(teaching, "notebook_sources", lambda: {"small": tmp_path / "small.py"})
     words = 3  # with the title's mark
-    assert reading_minutes("small") == pytest.approx(words / 150 + 2 / 12 + 1 + 0.5 + 0.5)
+    assert reading_minutes("small") == pytest.approx(words / 150 + 3 / 12 + 1 + 0.5 + 0.5)
 
 
 def test_a_path_says_how_long_its_notebooks_and_exercises_take(tmp_path, monkeypatch):
