@@ -224,9 +224,8 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         with log.open("wb") as file:
             client.execute(stderr=file)
         log.unlink()
-        del notebook.metadata["language_info"][
-            "version"
-        ]  # its third number, on which nothing depends
+        # Its third number, on which nothing depends.
+        del notebook.metadata["language_info"]["version"]
         why = take_stderr(notebook)
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
         atexit.unregister(client._cleanup_kernel)  # of a kernel that never was

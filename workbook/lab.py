@@ -53,9 +53,8 @@ def start() -> None:
         for name in find_hook("checksums", dict)():
             find_hook("fetch")(name)
     except DataUnavailable as missing:
-        print(
-            f"{missing}; until then {'simulated ones take' if SIMULATED else 'nothing takes'} their place"
-        )
+        instead = "simulated ones take" if SIMULATED else "nothing takes"
+        print(f"{missing}; until then {instead} their place")
         if SIMULATED:
             os.environ[SIMULATED["variable"]] = "simulated"
     os.environ |= find_hook("environment", dict)() | {
@@ -63,7 +62,7 @@ def start() -> None:
     }
     first = sorted(LAB.glob("[0-9]*.ipynb"))[0].relative_to(ROOT)
     command = [sys.executable, "-m", "jupyterlab", f"--LabApp.default_url=/lab/tree/{first}"]
-    if hasattr(os, "getuid") and os.getuid() == 0:
+    if os.getuid() == 0:
         command.append("--allow-root")
     os.chdir(ROOT)
     os.execv(command[0], command)
