@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-from replication.files import UserError, as_json, write_bytes, write_files
+from replication.files import UserError, as_json, write_files
 from workbook.parent import end_with_make
 
 
@@ -53,9 +53,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 def find_folders() -> None:
     """Make the folders of data that the environment names absolute: a kernel starts in another one."""
-    from workbook.project import ROOT, read_settings
+    from workbook.project import SETTINGS
 
-    for variable in read_settings(ROOT).get("folders", ()):
+    for variable in SETTINGS.get("folders", ()):
         if value := os.environ.get(variable):
             folder = Path(value).expanduser().resolve()
             if not folder.is_dir():
@@ -84,49 +84,37 @@ def run(notebook: Path) -> None:
 
 
 def report() -> None:
-    """Write the verdicts, report.md, what the results are made from, and README's status, all or none; then check."""
-    from workbook.project import ROOT
-    from workbook.stamps import REPORT, find_why_due, new_stamp, refuse_faults, stamp_file
-
-    refuse_faults()
-    if not find_why_due(ROOT, REPORT):
-        print("results/report.md is up to date")
-        return
-    from workbook.report import write_report
-
-    written = write_report()
-    write_bytes(stamp_file(ROOT, REPORT), new_stamp(ROOT, written))
-    print(written[0])
-    _print_verdicts()
+    """Write the verdicts, report.md, the versions and README's status, all or none."""
+    made = _make_report()
+    write_files(made)
+    print(next(iter(made)))
 
 
 def check() -> int:
     """Print every number with its verdict; exit 1 if one differs unexpectedly."""
-    from workbook.stamps import REPORT, refuse_faults
+    from workbook import judging
+    from workbook.report import find_surprises, list_verdicts, refuse_stale
 
-    refuse_faults()
-    refuse_faults(names=[REPORT])
-    from workbook.report import make_report, refuse_stale
-
-    refuse_stale(make_report())
-    return _print_verdicts()
-
-
-def _print_verdicts() -> int:
-    from workbook import judging, report
-    from workbook.project import RESULTS
-
-    verdicts = judging.verdicts(RESULTS)
-    print(report.list_verdicts(verdicts, judging.claims(RESULTS)))
-    surprises = report.find_surprises(verdicts)
+    refuse_stale(_make_report())
+    verdicts = judging.verdicts()
+    surprises = find_surprises(verdicts)
+    print(list_verdicts(verdicts, judging.claims()))
     for cell in surprises:
         print(f"{cell}: differs, which is not expected")
     return int(bool(surprises))
 
 
+def _make_report() -> dict[Path, bytes]:
+    from workbook.report import make_report
+    from workbook.stamps import refuse_faults
+
+    refuse_faults()
+    return make_report()
+
+
 def verify(full: bool) -> int:
     """Write to verification.json and .md what ran here and whether it made what is committed; exit 1 if not."""
-    from workbook.certificate import certify, find_differences, write_certificate
+    from workbook.certificate import certify, write_certificate
     from workbook.project import ROOT
 
     about = certify(full)
@@ -134,7 +122,7 @@ def verify(full: bool) -> int:
     written = {"verification.json": as_json(about), "verification.md": page.encode()}
     write_files({ROOT / name: content for name, content in written.items()})
     print(page)
-    return int(bool(find_differences(about)))
+    return int(bool(about["differences"]))
 
 
 def lab() -> None:
@@ -149,9 +137,8 @@ def lab() -> None:
 def data() -> None:
     """Fetch and verify the public data."""
     from workbook.project import find_hook
-    from workbook.report import list_data
 
-    print(*(find_hook("fetch")(name) for name in list_data()), sep="\n")
+    print(*map(find_hook("fetch"), find_hook("checksums", dict)()), sep="\n")
 
 
 if __name__ == "__main__":

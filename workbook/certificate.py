@@ -1,186 +1,182 @@
 """What a reviewer sends back: what ran here, on what, and whether its results are the committed ones."""
 
-import json
 import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+import pandas as pd
 from llvmlite import binding
 
 from replication.files import KEPT_SHA256, DataUnavailable, UserError
 from workbook import judging
-from workbook.project import (
-    RESULTS,
-    ROOT,
-    find_hook,
-    notebook_sources,
-    pin_environment,
-    read_settings,
-)
-from workbook.report import list_data, provenance
-from workbook.stamps import REPORT, find_why_due, read_stamp, refuse_faults, sha256, sha256_of
+from workbook.project import ROOT, SETTINGS, find_hook, notebook_sources
+from workbook.report import make_report, provenance, refuse_stale
+from workbook.stamps import find_why_due, list_kept, list_made, read_stamp, refuse_faults, sha256
+
+MADE = ("results", "figures", "notebooks/*.ipynb", "README.md")  # as git finds what is made
+ANOTHER = "another"  # row than the kept one
+Texts = Mapping[str, Any]  # by the name of a notebook or file
 
 
 def certify(full: bool = False) -> dict[str, Any]:
-    """Gather what a rerun says.
+    """Gather what a rerun says. The report is made again here, and compared.
 
     Parameters
     ----------
     full : bool
-        Whether a row of each kept table is made again.
+        Whether to make a row of each kept table again.
 
     Returns
     -------
     dict
-        `commit` and what is `changed` since; date, machine, versions; of each notebook and the `report` why it does not
-        count as made here ("" if it does), its seconds, and what it `lacks`; of each committed result, figure and
-        notebook and of each file of public data two SHA-256, as measured and as committed or registered, whether
-        they are the `same`, and whether the file was made here; of each kept table what a row made again is; of each
-        printed number how it agrees, and by which notebook; or why none is judged.
+        A `summary` in words, the `differences` from what is committed, and `remarks`; of each notebook why it does not
+        count as made here, and its stamp; of each result its SHA-256, is it the `same` as committed, was it made here;
+        of each file of public data why it is not the registered one; of each kept table what a row made again is; of
+        each printed number how it agrees, and by which notebook.
 
     Raises
     ------
     UserError
         No notebook was run here, or this is no clone, which has nothing committed to compare with.
     """
-    names = [*notebook_sources(), REPORT]
-    runs = {name: read_stamp(ROOT, name) | {"why": find_why_due(ROOT, name)} for name in names}
-    if not any(run["made"] for run in runs.values()):
+    runs = {name: read_stamp(name) | {"why": find_why_due(name)} for name in notebook_sources()}
+    if not any(run.get("record") for run in runs.values()):
         raise UserError("no notebook was run here: there is nothing to certify; make all runs them")
-    made_here = {file for run in runs.values() if not run["why"] for file in run["made"]}
-    committed = {*_git("ls-files", "-z", "results", "figures", "notebooks", "README.md")}
-    results = {
-        name: _compare(sha256(ROOT / name), sha256_of(_show(name)))
-        | {"made_here": name in made_here}
-        for name in sorted(made_here | {each for each in committed if _is_result(each)})
+    here = [name for name, run in runs.items() if not run["why"]]
+    made_here = {file for name in here for file in list_made(name)}
+    numbers, files, differences = judge_here()
+    changed, results = compare_results(made_here | files)
+    tables = [name for name in list_kept() if name in results.index]
+    kept = {name: make_row_again(name) if full else "" for name in tables}
+    data = check_data()
+    differences += list_differences(runs, changed, results, kept, data)
+    remarks = [f"{name}: {run['why']}" for name, run in runs.items() if run.get("lacks")]
+    remarks += [f"{name}: a row: {row}" for name, row in kept.items() if row not in ("", ANOTHER)]
+    is_here = numbers["notebook"].isin(["", *here])  # "": needs no run
+    made = results[results["made_here"]]
+    unchanged = ", ".join(os.path.basename(name) for name in kept if results["same"][name])
+    summary = {
+        "commit": _git("rev-parse", "HEAD").strip(),
+        "changed since": ", ".join(changed) or "nothing",
+        **describe_machine(),
+        "notebooks run here with this code": f"{len(here)} of {len(runs)}, "
+        f"{sum_up_seconds(runs[name] for name in here)}",
+        "made here and the same": f"{made['same'].sum()} of {len(made)} files that were made here",
+        "kept, unchanged, not made here": f"{unchanged or 'none'}; of what is made, "
+        f"{len(results) - len(made) - len(kept)} files were not",
+        "sources": f"public data as registered: {[*data.values()].count('')} of {len(data)}",
+        "printed numbers, by notebooks run here": count_grades(numbers.loc[is_here, "grade"]),
+        "printed numbers, by committed outcomes": count_grades(numbers.loc[~is_here, "grade"]),
     }
-    kept = [name for name in _list_kept() if name in results]
-    unjudged, numbers = "", {}
+    return {
+        "summary": summary,
+        "differences": differences,
+        "remarks": remarks,
+        "runs": runs,
+        "results": results.to_dict("index"),
+        "data": data,
+        "kept": kept,
+        "numbers": numbers.to_dict("index"),
+    }
+
+
+def judge_here() -> tuple[pd.DataFrame, set[str], list[str]]:
+    """Make the report again: the printed numbers' grades, the files that it is, and why it can't be made."""
     try:
         refuse_faults()
-        verdicts = judging.verdicts(RESULTS)
-        graded = verdicts.assign(grade=judging.grade(verdicts))
-        numbers = graded[["grade", "notebook"]].to_dict("index")
+        report = make_report()
+        refuse_stale(report)
     except UserError as error:
-        unjudged = str(error)
+        nothing = pd.DataFrame(columns=["grade", "notebook"])
+        return nothing, set(), [f"no number is judged: {error}"]
+    numbers = judging.verdicts()[["grade", "notebook"]]
+    return numbers, {file.relative_to(ROOT).as_posix() for file in report}, []
+
+
+def describe_machine() -> dict[str, str]:
+    """What it ran on, and when."""
+    versions = provenance()["versions"] | {"python": platform.python_version()}
     return {
-        "commit": _git("rev-parse", "HEAD", end="\n")[0],
-        "changed": _list_changes(),
         "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
         "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
-        "versions": provenance()["versions"] | {"python": platform.python_version()},
-        "runs": runs,
-        "data": _compare_data(),
-        "results": results,
-        "kept": {name: make_row_again(name) if full else "" for name in kept},
-        "numbers": numbers,
-        "unjudged": unjudged,
+        "versions": ", ".join(f"{name} {each}" for name, each in versions.items()),
     }
 
 
-def _is_result(name: str) -> bool:
-    """Whether a committed file is one that is made: not a source, nor a page that a person writes."""
-    if name.endswith(KEPT_SHA256):
-        return False
-    return name == "README.md" or not name.startswith("notebooks/") or name.endswith(".ipynb")
+def list_differences(
+    runs: Texts, changed: list[str], results: pd.DataFrame, kept: Texts, data: Texts
+) -> list[str]:
+    """Say in a line each what a rerun did not make as it is committed, and what it did not run."""
+    lines = {name: run["why"] for name, run in runs.items() if not run.get("lacks")}
+    lines |= dict.fromkeys(results.index[~results["same"]], "not as committed")
+    lines |= dict.fromkeys([name for name in changed if name not in results.index], "changed since")
+    lines |= dict.fromkeys(
+        [name for name in kept if kept[name] == ANOTHER], f"a row made again is {ANOTHER}"
+    )
+    of_data = [f"public data: {why}" for why in dict.fromkeys(data.values()) if why]
+    return [f"{name}: {why}" for name, why in lines.items() if why] + of_data
 
 
-def _list_kept() -> list[str]:
-    file = RESULTS / KEPT_SHA256
-    kept = json.loads(file.read_text("utf-8")) if file.exists() else ()
-    return [f"results/{name}" for name in kept]
+def compare_results(made_here: set[str]) -> tuple[list[str], pd.DataFrame]:
+    """List what changed since the commit; and of what is made its SHA-256, is it the `same`, and was it `made_here`."""
+    committed = {*_list("ls-files", "-z", *MADE, f":!results/{KEPT_SHA256}")}
+    if not committed:
+        raise UserError(f"{ROOT}: no clone with a commit: git has nothing of it")
+    changed = {*_list("diff", "-z", "--name-only", "--relative", "HEAD")}
+    changed |= {*_list("ls-files", "-z", "-o", "--exclude-standard")}
+    names = sorted(made_here | committed)
+    table = pd.DataFrame({"sha256": [sha256(ROOT / name) for name in names]}, names)
+    table["same"] = table.index.isin(committed - changed)
+    return sorted(changed), table.assign(made_here=table.index.isin(made_here))
 
 
-def _compare(measured: str, expected: str) -> dict[str, Any]:
-    return {"measured": measured, "expected": expected, "same": measured == expected}
-
-
-def _compare_data() -> dict[str, dict[str, Any]]:
-    """Hashes of the public data; in place of those that cannot be had, why."""
-    registered, fetch = list_data(), find_hook("fetch")
-    measured: dict[str, str] = {}
-    for name in registered:
+def check_data() -> dict[str, str]:
+    """Say of each file of public data why it is not the registered one; "" where it is."""
+    registered, fetch = find_hook("checksums", dict)(), find_hook("fetch")
+    faults = {}
+    for name, expected in registered.items():
         try:
-            measured[name] = sha256(fetch(name))
+            is_same = sha256(fetch(name)) == expected
+            faults[name] = "" if is_same else f"{name} is not the registered one"
         except DataUnavailable as error:
-            measured |= dict.fromkeys(registered, str(error))
-            break
+            return dict.fromkeys(registered, str(error))
         except UserError as error:
-            measured[name] = str(error)
-    return {name: _compare(measured[name], registered[name]) for name in registered}
+            faults[name] = str(error)
+    return faults
 
 
 def make_row_again(table: str) -> str:
     """Make a row of a kept table again, by the settings' module: "same", "another", or why it is not made."""
-    command = [sys.executable, "-m", read_settings(ROOT)["kept"], os.path.basename(table)[:-4]]
-    variables = os.environ | pin_environment()
+    command = [sys.executable, "-m", SETTINGS["kept"], os.path.basename(table)[:-4]]
+    variables = os.environ | find_hook("environment", dict)()
     ended = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True)
     if ended.returncode:
         return f"not made again: {ended.stderr.strip().rpartition(chr(10))[2]}"
     kept = (ROOT / table).read_text("utf-8").splitlines()
-    return "same" if {*ended.stdout.splitlines()} <= {*kept} else "another"
+    return "same" if {*ended.stdout.splitlines()} <= {*kept} else ANOTHER
 
 
-# -------------------------------------------------------------------------------------------------------- what git has
-
-
-def _run_git(*arguments: str) -> subprocess.CompletedProcess[bytes]:
+def _git(*arguments: str) -> str:
+    """What git says of this folder, which may lie in another one's clone."""
     try:
-        return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True)
+        ended = subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True)
     except OSError as error:
         raise UserError(f"git is needed, to compare with what is committed ({error})") from error
-
-
-def _git(*arguments: str, end: str = "\0") -> list[str]:
-    """What git lists of this folder, which may lie in another one's clone."""
-    ended = _run_git(*arguments)
-    if ended.returncode or (
-        not ended.stdout and arguments[0] == "ls-files" and "-o" not in arguments
-    ):
-        why = (ended.stderr.decode().splitlines() or ["git has nothing of it"])[0]
+    if ended.returncode:
+        why = ended.stderr.decode().partition("\n")[0]
         raise UserError(f"{ROOT}: no clone with a commit: {why}")
-    return [each for each in ended.stdout.decode().split(end) if each]
+    return ended.stdout.decode()
 
 
-def _show(name: str) -> bytes:
-    """A file as it is committed; nothing where it is not."""
-    return _run_git("show", f"HEAD:./{name}").stdout
-
-
-def _list_changes() -> list[str]:
-    """List what is not as committed, and what is there besides and not ignored."""
-    changed = _git("diff", "-z", "--name-only", "--relative", "HEAD")
-    return sorted({*changed, *_git("ls-files", "-z", "-o", "--exclude-standard")})
+def _list(*arguments: str) -> list[str]:
+    return _git(*arguments).split("\0")[:-1]
 
 
 # ------------------------------------------------------------------------------------------------------------ in words
-
-
-def find_differences(about: dict[str, Any]) -> list[str]:
-    """Say in a line each what a rerun did not make as it is committed, and what it did not run."""
-    lines = [
-        f"{name}: {run['why']}"
-        for name, run in about["runs"].items()
-        if run["why"] and not run["lacks"]
-    ]
-    lines += [
-        f"{name}: not as committed" for name, each in about["results"].items() if not each["same"]
-    ]
-    lines += [f"{name}: changed since" for name in about["changed"] if name not in about["results"]]
-    lines += [
-        f"{name}: a row made again is another"
-        for name, row in about["kept"].items()
-        if row == "another"
-    ]
-    if about["unjudged"]:
-        lines.append(f"no number is judged: {about['unjudged']}")
-    files = about["data"].values()
-    reasons = [each["measured"] for each in files if not each["same"]]
-    return lines + [f"public data: {reason}" for reason in dict.fromkeys(reasons)]
 
 
 def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
@@ -193,59 +189,28 @@ def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
     return f"{sum(end - start for start, end in ran):.0f} s in sum, {wall:.0f} s of wall time"
 
 
-def count_grades(about: dict[str, Any], is_here: bool) -> str:
-    """Count printed numbers by how they agree, of the notebooks that count as run here, or of the others."""
-    here = {
-        "",
-        *(name for name, run in about["runs"].items() if not run["why"]),
-    }  # "": needs no run
-    grades = [
-        each["grade"] for each in about["numbers"].values() if (each["notebook"] in here) == is_here
-    ]
+def count_grades(grades: pd.Series) -> str:
+    """Count printed numbers by how they agree."""
+    counts = grades.value_counts()
     return (
-        ", ".join(f"{grades.count(each)} {each}" for each in judging.GRADES) if grades else "none"
+        ", ".join(f"{counts.get(each, 0)} {each}" for each in judging.GRADES if len(grades))
+        or "none"
     )
 
 
 def write_certificate(about: dict[str, Any]) -> str:
     """A page in Markdown that says what `certify` found."""
-    results, kept, runs = about["results"], about["kept"], about["runs"]
-    here = [name for name in notebook_names(about) if not runs[name]["why"]]
-    made = [each["same"] for each in results.values() if each["made_here"]]
-    unchanged = [name for name in kept if results[name]["same"]]
-    names = ", ".join(os.path.basename(name) for name in unchanged) or "none"
-    others = len(results) - len(made) - len(kept)
-    files = [each["same"] for each in about["data"].values()]
-    versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items())
     lines = [
         "# Certificate of a rerun",
         "",
         "| | |",
         "|-|-|",
-        f"| commit | {about['commit']} |",
-        f"| changed since | {', '.join(about['changed']) or 'nothing'} |",
-        f"| date | {about['date']} |",
-        f"| machine | {about['machine']} |",
-        f"| versions | {versions} |",
-        f"| notebooks run here with this code | {len(here)} of {len(notebook_names(about))}, "
-        f"{sum_up_seconds(runs[name] for name in here)} |",
-        f"| made here and the same | {sum(made)} of {len(made)} files that were made here |",
-        f"| kept, unchanged, not made here | {names}; of what is made, {others} files were not |",
-        f"| sources | public data as registered: {sum(files)} of {len(files)} |",
-        f"| printed numbers, by notebooks run here | {count_grades(about, True)} |",
-        f"| printed numbers, by committed outcomes | {count_grades(about, False)} |",
+        *(f"| {name} | {words} |" for name, words in about["summary"].items()),
         "",
-        *(f"- {line}" for line in find_differences(about) or ["no difference"]),
-        *(f"- {name}: {run['why']}" for name, run in runs.items() if run["lacks"]),
-        *(f"- {name}: a row: {row}" for name, row in kept.items() if row and row != "another"),
+        *(f"- {line}" for line in (about["differences"] or ["no difference"]) + about["remarks"]),
         "",
         "The hashes, runs and numbers stand one by one in verification.json.",
         "",
         "Rerun by: ",
     ]
     return "\n".join(lines) + "\n"
-
-
-def notebook_names(about: dict[str, Any]) -> list[str]:
-    """Names of the notebooks."""
-    return [name for name in about["runs"] if name != REPORT]

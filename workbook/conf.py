@@ -6,9 +6,9 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 
-from workbook.project import ROOT, read_settings
+from workbook.project import SETTINGS
 
-project = read_settings(ROOT)["title"]
+project = SETTINGS["title"]
 extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
 root_doc = "results/report"
 include_patterns = ["results/report.md", "notebooks/**"]
@@ -65,8 +65,7 @@ def setup(app: Sphinx) -> None:
     app.connect("html-page-context", give_captions_a_level, priority=900)  # after the theme
     app.connect("source-read", add_contents)
     app.connect("doctree-read", leave_formulas)
-    app.connect("build-finished", write_first_page)
-    app.connect("build-finished", copy_explore)
+    app.connect("build-finished", add_pages)
 
 
 def add_contents(app: Sphinx, document: str, source: list[str]) -> None:
@@ -93,12 +92,8 @@ def give_captions_a_level(
     )
 
 
-def write_first_page(app: Sphinx, error: Exception | None) -> None:
-    """Write `index.html`."""
+def add_pages(app: Sphinx, error: Exception | None) -> None:
+    """Write `index.html`, copy the page to play with, and give it a way back."""
     Path(app.outdir, "index.html").write_text(FIRST_PAGE, encoding="utf-8")
-
-
-def copy_explore(app: Sphinx, error: Exception | None) -> None:
-    """Copy the page to play with, and give it a way back."""
     page = Path(app.srcdir, EXPLORE).read_text(encoding="utf-8")
     Path(app.outdir, EXPLORE).write_text(page.replace("<!-- book -->", BACK), encoding="utf-8")

@@ -33,7 +33,7 @@ from replication.files import (
     write_text,
 )
 from workbook.kernel import READ, read_notes
-from workbook.project import ROOT, notebook_sources, pin_environment, read_settings
+from workbook.project import RESULTS, ROOT, SIMULATED, find_hook, notebook_sources
 from workbook.stamps import (
     add_record,
     digest_code,
@@ -44,6 +44,7 @@ from workbook.stamps import (
 )
 
 CELL_TIMEOUT_S = 900
+MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
 HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
@@ -59,7 +60,7 @@ class NotebookFailed(UserError):
     exit_status = 1
 
 
-def run(source: Path, project: Path = ROOT) -> str:
+def run(source: Path) -> str:
     """Execute a notebook and put what it makes in place, in the project's folder; say how it ended.
 
     Where data can't be had it runs on simulated ones, if the project has such, into `results/offline`. Its outcome says
@@ -73,45 +74,41 @@ def run(source: Path, project: Path = ROOT) -> str:
     UserError
         The source is none, or its `.ipynb` was edited.
     """
-    source = find_source(source, project)
-    name = source.stem
-    notebook = read_notebook(source, "correct it")
-    refuse_edited(source, notebook)
-    start = time.monotonic()
+    source = find_source(source)
+    refuse_edited(source, read_notebook(source, "correct it"))
+    start, name = time.monotonic(), source.stem
     where = ""
-    stamp = stamp_file(project, name)
-    simulated = read_settings(project).get("simulated")
+    stamp, record = stamp_file(name), record_file(name)
     try:
-        os.environ |= kernel_environment(project)
-        drop_stale_caches(project)
+        os.environ |= kernel_environment()
+        drop_stale_caches()
         with stamp.with_suffix(".lock").open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
-                made = _execute_into(project, source, project)
-                write_bytes(stamp, new_stamp(project, made, time.monotonic() - start))
+                _execute_into(ROOT, source)
+                write_bytes(stamp, new_stamp(record, time.monotonic() - start))
             except DataUnavailable:
-                if not simulated:
+                if not SIMULATED:
                     raise
-                os.environ[simulated["variable"]] = "simulated"
-                offline, warning = project / "results" / "offline", simulated["warning"]
-                _execute_into(offline, source, project, warning)
-                where = f" on {simulated['mark']}"
+                os.environ[SIMULATED["variable"]] = "simulated"
+                _execute_into(RESULTS / "offline", source, SIMULATED["warning"])
+                where = f" on {SIMULATED['mark']}"
     except DataUnavailable as missing:
-        write_bytes(stamp, new_stamp(project, [], lacks=str(missing)))
+        write_bytes(stamp, new_stamp(record, lacks=str(missing)))
         return f"{name}: not run: {missing}; its committed results stay"
     except OSError as error:
         raise NotebookFailed(
-            f"{source.name}: {error}, while working in {project / '.make'}"
+            f"{source.name}: {error}, while working in {ROOT / '.make'}"
         ) from error
     return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 
-def find_source(file: Path, project: Path) -> Path:
+def find_source(file: Path) -> Path:
     """Find a notebook of the project by the file of its source, whichever links lead there."""
-    for name, source in notebook_sources(project).items():
-        if file.name == f"{name}.py" and file.exists() and file.samefile(source):
-            return source
-    raise UserError(f"{file}: give the .py source of a notebook of {project}")
+    sources = {source.resolve(): source for source in notebook_sources().values()}
+    if file.resolve() not in sources:
+        raise UserError(f"{file}: give the .py source of a notebook of {ROOT}")
+    return sources[file.resolve()]
 
 
 def read_notebook(file: Path, advice: str) -> NotebookNode:
@@ -145,55 +142,50 @@ def cells_sha256(notebook: NotebookNode) -> str:
     return hashlib.sha256(repr(cells).encode()).hexdigest()
 
 
-def kernel_environment(project: Path) -> dict[str, str]:
+def kernel_environment() -> dict[str, str]:
     """A kernel's variables: arithmetic and workers are pinned, the user's own settings shut out."""
-    settings = project / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
+    settings = ROOT / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
     folders = ("MPLCONFIGDIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR")
     for name in folders:
         (settings / name).mkdir(parents=True, exist_ok=True)
     return {
-        **pin_environment(),
+        **find_hook("environment", dict)(),
         **{name: str(settings / name) for name in folders},
         **dict.fromkeys(UNSET, ""),
         "MATPLOTLIBRC": str(settings / "none"),
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
-        read_settings(project).get("simulated", {}).get("variable", "SIMULATED"): "",
+        SIMULATED.get("variable", "SIMULATED"): "",
         "PYTHONHASHSEED": "0",
-        "PYTHONPATH": os.pathsep.join([str(project), str(Path(__file__).parents[1])]),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parents[1])]),
         "TQDM_DISABLE": "1",  # a bar of progress is text on stderr
-        "LOKY_MAX_CPU_COUNT": str(count_workers(joblib.cpu_count(), available_memory())),
+        "LOKY_MAX_CPU_COUNT": str(count_workers()),
     }
 
 
-def count_workers(cores: int, memory: int) -> int:
-    """Processes in which each of two notebooks computes at a time, given all cores and the memory [bytes]."""
-    return max(1, min(cores // 2, memory // (2 * WORKER_BYTES)))
+def count_workers() -> int:
+    """Processes in which each of two notebooks computes at a time, by the cores and the memory that are there."""
+    memory = [psutil.virtual_memory().available]
+    if MEMORY_LIMIT.exists() and MEMORY_LIMIT.read_text().strip() != "max":
+        memory.append(int(MEMORY_LIMIT.read_text()))
+    return max(1, min(joblib.cpu_count() // 2, min(memory) // (2 * WORKER_BYTES)))
 
 
-def available_memory() -> int:
-    """Memory that this machine has left, or its container may take [bytes]."""
-    limit = Path("/sys/fs/cgroup/memory.max")
-    text = limit.read_text().strip() if limit.exists() else "max"
-    available = psutil.virtual_memory().available
-    return available if text == "max" else min(available, int(text))
-
-
-def _execute_into(destination: Path, source: Path, project: Path, warning: str = "") -> list[Path]:
+def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
     """Execute a source; put what it makes, and the record of what it was made from, where it belongs, all or none."""
-    code = digest_code(project, source)
+    code = digest_code(source)
     notebook = jupytext.read(source)
     for position, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{position:02d}"  # the same from run to run
     notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
-    staging = project / ".make" / f"{source.stem}.staging"
+    staging = ROOT / ".make" / f"{source.stem}.staging"
     shutil.rmtree(staging, ignore_errors=True)  # of a run that was killed
     staging.mkdir()
     try:
         os.environ |= {"REPLICATION_OUT": str(staging), "REPLICATION_NOTEBOOK": source.stem}
-        execute(notebook, source, project / ".make" / f"{source.stem}.failed.ipynb")
-        executed = staging / source.relative_to(project).with_suffix(".ipynb")
+        execute(notebook, source, ROOT / ".make" / f"{source.stem}.failed.ipynb")
+        executed = staging / source.relative_to(ROOT).with_suffix(".ipynb")
         executed.parent.mkdir(parents=True)
         nbformat.write(notebook, executed)
         read = read_notes(staging / READ)
@@ -202,13 +194,12 @@ def _execute_into(destination: Path, source: Path, project: Path, warning: str =
             for file in staging.rglob("*")
             if file.is_file() and file.name != READ
         }
-        record = record_file(project, source.stem).relative_to(project).as_posix()
+        record = record_file(source.stem).relative_to(ROOT).as_posix()
         said = NOTHING | json.loads(made.pop(record, b"{}"))
         made[record] = as_json(add_record(said, code, read, made))
         write_files({destination / name: content for name, content in made.items()})
     finally:
         shutil.rmtree(staging, ignore_errors=True)
-    return [destination / name for name in made]
 
 
 def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
@@ -233,9 +224,8 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         with log.open("wb") as file:
             client.execute(stderr=file)
         log.unlink()
-        del notebook.metadata["language_info"][
-            "version"
-        ]  # its third number, on which nothing depends
+        # Its third number, on which nothing depends.
+        del notebook.metadata["language_info"]["version"]
         why = take_stderr(notebook)
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
         atexit.unregister(client._cleanup_kernel)  # of a kernel that never was
@@ -256,19 +246,15 @@ def take_stderr(notebook: NotebookNode) -> str:
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
         texts: dict[str, NotebookNode] = {}
-        others = []
-        for output in cell.outputs:
-            if output.get("name") in texts:
-                texts[output.name].text += output.text
-                continue
-            if output.output_type == "stream":
-                texts[output.name] = output
-            others.append(output)
+        for output in [each for each in cell.outputs if each.output_type == "stream"]:
+            first = texts.setdefault(output.name, output)
+            if first is not output:
+                first.text += output.text
+                cell.outputs = [each for each in cell.outputs if each is not output]
         if "stderr" in texts:
             if unknown := HARMLESS.sub("", texts["stderr"].text).strip():
                 return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
-            others.remove(texts["stderr"])
-        cell.outputs = others
+            cell.outputs.remove(texts["stderr"])
     return ""
 
 
@@ -279,12 +265,8 @@ def explain_failure(error: Exception, started: list[subprocess.Popen], log: Path
     why = str(error).partition("\n")[0]
     if isinstance(error, DeadKernelError) and started:
         status = started[0].wait()
-        how = f"it ended itself, with status {status}"
-        if status < 0:
-            how = f"by {signal.Signals(-status).name}"
-        if status == -signal.SIGKILL:
-            how = "killed: out of memory?"
-        return f"the kernel died: {how}"
+        is_killed = status == -signal.SIGKILL
+        return f"the kernel died: {'killed: out of memory?' if is_killed else f'status {status}'}"
     if not started:
         why = " ".join([why, *log.read_text(errors="replace").splitlines()[-1:]])
     return why

@@ -2,12 +2,11 @@
 
 By the standard library alone, for nothing else is there yet. `.venv/.installed` is the environment that notebooks run
 in; `.venv/.NAME` is a group of pyproject.toml besides. A stamp is set when what it promises can be imported from .venv,
-in the locked version: a tool that ends well may have put it elsewhere.
+in the locked version: a tool that ends well may have put it elsewhere, as a user's settings may tell it.
 """
 
 import contextlib
 import fcntl
-import json
 import os
 import re
 import shutil
@@ -17,14 +16,15 @@ import time
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from importlib.metadata import PackageNotFoundError, distributions, version
+from importlib.metadata import Distribution, distributions
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from workbook.parent import make_lives
 
 VENV = Path(".venv")
 PYTHON = str(VENV / "bin" / "python")
+SITE = VENV / "lib" / "python{}.{}".format(*sys.version_info) / "site-packages"
 LOCK = Path("requirements.lock")
 MARK = "all.lock"  # in .venv, by which it is ours
 BASE = (
@@ -37,46 +37,21 @@ BASE = (
     "--group",
     "workbook",
 )
-# What the user's settings of pip and uv may say: where packages come from. The rest would change what is installed, or
+# Of the variables PIP_... and UV_..., those that say where packages come from; the others change what is installed, or
 # put it elsewhere.
-PIP_SETTINGS = {"index-url", "extra-index-url", "no-index", "find-links", "trusted-host", "proxy"}
-PIP_SETTINGS |= {"cert", "client-cert", "cache-dir", "timeout", "retries"}
-UV_SETTINGS = {"index", "index-url", "default-index", "extra-index-url", "no-index", "find-links"}
-UV_SETTINGS |= {"index-strategy", "keyring-provider", "allow-insecure-host", "insecure-host"}
-UV_SETTINGS |= {"native-tls", "system-certs", "cache-dir", "http-timeout", "offline"}
+SOURCES = {"INDEX", "INDEX_URL", "DEFAULT_INDEX", "EXTRA_INDEX_URL", "NO_INDEX", "FIND_LINKS"}
+SOURCES |= {"INDEX_STRATEGY", "TRUSTED_HOST", "INSECURE_HOST", "ALLOW_INSECURE_HOST", "PROXY"}
+SOURCES |= {"CERT", "CLIENT_CERT", "NATIVE_TLS", "SYSTEM_CERTS", "KEYRING_PROVIDER", "CACHE_DIR"}
+SOURCES |= {"TIMEOUT", "DEFAULT_TIMEOUT", "HTTP_TIMEOUT", "RETRIES", "OFFLINE", "CONFIG_FILE"}
 CONSOLE = """#!/bin/sh
 exec "$(dirname -- "$(readlink -f -- "$0")")/python" -m backlash "$@"
 """
-# Prints what is missing, or there in another version, of what is asked for and of all that this needs.
+# Imports the modules of some packages.
 CHECK = """
-import importlib, json, sys
-from importlib.metadata import PackageNotFoundError, distribution
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name as canonical
-asked, lock = map(json.loads, sys.argv[1:])
-pinned = [each for each in map(Requirement, lock) if not each.marker or each.marker.evaluate()]
-locked = {canonical(each.name): str(each.specifier).removeprefix("==") for each in pinned}
-todo, seen = [Requirement(each) for each in asked], set()
-while todo:
-    need = todo.pop()
-    name = canonical(need.name)
-    if (name, *need.extras) in seen:
-        continue
-    seen.add((name, *need.extras))
-    try:
-        there = distribution(name)
-    except PackageNotFoundError:
-        sys.exit(f"{name} is not there")
-    if there.version != locked.get(name, there.version):
-        sys.exit(f"{name} is there as {there.version}, not {locked[name]}")
-    extras = [{"extra": each} for each in ("", *need.extras)]
-    needs = map(Requirement, there.requires or [])
-    todo += [each for each in needs if not each.marker or any(map(each.marker.evaluate, extras))]
-files = [file for each in asked for file in distribution(Requirement(each).name).files or []]
-packages = {file.parts[0] for file in files if len(file.parts) == 2 and file.name == "__init__.py"}
-alone = {file.name.partition(".")[0] for file in files if len(file.parts) == 1 and file.suffix in (".py", ".so")}
-for module in packages | alone:
-    if module.isidentifier() and module[0] != "_" and "__" not in module:
+import importlib, sys
+from importlib.metadata import packages_distributions
+for module, packages in packages_distributions().items():
+    if {*packages} & {*sys.argv} and module.isidentifier() and "__" not in module and module[0] != "_":
         try:
             importlib.import_module(module)
         except Exception as error:
@@ -86,26 +61,22 @@ for module in packages | alone:
 
 def main(stamp: Path) -> None:
     """Make one stamp, unless another make has made it meanwhile."""
-    made_from = [Path("pyproject.toml"), LOCK]
+    is_base = stamp.name == ".installed"
+    made_from = [Path("pyproject.toml"), LOCK, *([] if is_base else [VENV / ".installed"])]
     with only_one():
-        if stamp.name != ".installed":
-            made_from.append(VENV / ".installed")
-        is_base = stamp.name == ".installed"
         is_new = stamp.exists() and all(_time(stamp) >= _time(file) for file in made_from)
-        if is_new and (has_this_python() or not is_base):
+        if is_new and (SITE.is_dir() or not is_base):
             return
         if is_base:
             make_environment()
-        group = [] if is_base else ["--group", stamp.name[1:]]
-        install(group or BASE)
-        if lacks := find_lacking(group[1:] or ["workbook"], is_base=not group):
+        install(BASE if is_base else ("--group", stamp.name[1:]))
+        if lacks := find_lacking("workbook" if is_base else stamp.name[1:]):
             sys.exit(
                 f"{VENV}: {lacks}; pip and uv said that it is; is a setting of theirs in the way?"
             )
         stamp.touch()
         # Where the clock is behind, a stamp gets the time of what it was made from; else all would be installed again.
-        newest = max([stamp, *made_from], key=_time)
-        os.utime(stamp, ns=(newest.stat().st_mtime_ns,) * 2)
+        os.utime(stamp, ns=(max(map(_time, [stamp, *made_from])),) * 2)
 
 
 def _time(file: Path) -> int:
@@ -121,12 +92,7 @@ def only_one() -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             print("Another make installs into .venv: waiting for it")
-            while True:
-                with contextlib.suppress(BlockingIOError):
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                make_lives() or sys.exit(1)
-                time.sleep(0.5)
+            fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
@@ -139,9 +105,8 @@ def make_environment() -> None:
     uv, other = split_lock(LOCK.read_text("utf-8"))
     (VENV / "uv.lock").write_text(uv)
     (VENV / MARK).write_text(other)
-    run([sys.executable, "-m", "venv", "--without-pip", str(VENV)], environment()) or sys.exit(2)
-    (site,) = VENV.glob("lib/python*/site-packages")
-    (site / "checkout.pth").write_text("../../../..\n")
+    run([sys.executable, "-m", "venv", "--without-pip", str(VENV)])
+    (SITE / "checkout.pth").write_text("../../../..\n")
     console = VENV / "bin" / "backlash"
     console.write_text(CONSOLE)
     console.chmod(0o755)
@@ -150,32 +115,24 @@ def make_environment() -> None:
         run_pip(VENV / "uv.lock")
 
 
-def has_this_python() -> bool:
-    """Whether .venv has the Python, to its second number, that this is."""
-    about = VENV / "pyvenv.cfg"
-    numbers = re.escape(".".join(map(str, sys.version_info[:2])))
-    return about.exists() and bool(re.search(rf"(?m)^version = {numbers}\.", about.read_text()))
-
-
 def clear_environment() -> None:
     """Empty .venv, or make it; end where it is another's. What was added to it by hand is named."""
     is_ours = VENV.is_dir() and ((VENV / MARK).exists() or not any(VENV.iterdir()))
     if not is_ours and (VENV.exists() or VENV.is_symlink()):
         sys.exit(f"{VENV}: not made by this Makefile, and left as it is; move it away")
-    if added := find_added():
+    locked = (VENV / MARK).read_text("utf-8") if (VENV / MARK).exists() else ""
+    known = {*re.findall(r"(?m)^([\w.-]+)==", locked), "pip", "setuptools", "uv"}
+    if added := sorted(find_installed().keys() - known):
         print(f"Packages that were added to {VENV} by hand go: {', '.join(added)}")
     VENV.mkdir(exist_ok=True)  # a link, or a disk of its own, stays
     for each in VENV.iterdir():
         shutil.rmtree(each) if each.is_dir() and not each.is_symlink() else each.unlink()
 
 
-def find_added() -> list[str]:
-    """Find the packages in .venv that the lock which it was made from does not have."""
-    lock = (VENV / MARK).read_text("utf-8") if (VENV / MARK).exists() else ""
-    locked = {*re.findall(r"(?m)^([\w.-]+)==", lock), "pip", "setuptools", "uv"}
+def find_installed() -> dict[str, Distribution]:
+    """Find the packages in .venv, by name."""
     sites = [str(site) for site in VENV.glob("lib/python*/site-packages")]
-    there = {re.sub(r"[-_.]+", "-", each.name).lower() for each in distributions(path=sites)}
-    return sorted(there - locked)
+    return {re.sub(r"[-_.]+", "-", each.name).lower(): each for each in distributions(path=sites)}
 
 
 def split_lock(text: str) -> tuple[str, str]:
@@ -187,90 +144,42 @@ def split_lock(text: str) -> tuple[str, str]:
 
 def install(what: Sequence[str]) -> None:
     """Install by uv, which takes seconds and only what is asked for; where it can't be had, the whole lock by pip."""
-    path = {"PATH": f"{os.environ.get('PATH', os.defpath)}{os.pathsep}{VENV / 'bin'}"}
-    (VENV / "uv.toml").write_text(uv_settings())
-    if uv := shutil.which("uv", path=path["PATH"]):
-        command = [uv, "pip", "install", "--quiet", "--config-file", str(VENV / "uv.toml")]
-        command += ["--python", PYTHON, "--require-hashes", "--constraint", str(LOCK), *what]
-        if run(command, environment() | path):
-            return
-    run_pip(VENV / MARK) or sys.exit(2)
+    path = f"{os.environ.get('PATH', os.defpath)}{os.pathsep}{VENV / 'bin'}"
+    uv = shutil.which("uv", path=path)
+    how = ["--quiet", "--python", PYTHON, "--require-hashes", "--constraint", str(LOCK)]
+    is_done = uv and run([uv, "pip", "install", *how, *what])
+    if not is_done and not run_pip(VENV / MARK):
+        sys.exit(2)
 
 
 def run_pip(lock: Path) -> bool:
-    """Whether pip installs what a lock has, whatever else the user's files say."""
-    command = [*pip(), "install", "--quiet", "--no-user", "--require-hashes"]
-    return run([*command, "--requirement", str(lock)], environment() | pip_settings())
+    """Whether pip installs what a lock has."""
+    how = ["--quiet", "--no-user", "--disable-pip-version-check", "--require-hashes"]
+    return run([*pip(), "install", *how, "--requirement", str(lock)])
 
 
 @cache
 def pip() -> list[str]:
     """The command pip for .venv: of the Python that makes it, or where that has none, in .venv, which takes seconds."""
-    with contextlib.suppress(PackageNotFoundError, ValueError):
-        if [*map(int, version("pip").split(".")[:2])] >= [22, 3]:  # which knows --python
-            return [sys.executable, "-I", "-m", "pip", "--python", PYTHON]
-    run([PYTHON, "-I", "-m", "ensurepip"], environment()) or sys.exit(2)
+    if find_spec("pip"):  # 22.3 or newer, as with each Python from 3.11 on: it knows --python
+        return [sys.executable, "-I", "-m", "pip", "--python", PYTHON]
+    run([PYTHON, "-I", "-m", "ensurepip"])
     return [PYTHON, "-I", "-m", "pip"]
 
 
 def environment() -> dict[str, str]:
-    """The user's variables, less those of Python and pip, and of uv that say anything but where packages come from."""
+    """The user's variables, less those of Python, and of pip and uv that say anything but where packages come from."""
     return {
         name: value
         for name, value in os.environ.items()
         if not name.startswith(("PIP_", "UV_", "PYTHON", "VIRTUAL_ENV", "CONDA_"))
-        or (name.startswith("UV_") and _option(name, "UV_") in UV_SETTINGS)
+        or (name.startswith(("PIP_", "UV_")) and name.partition("_")[2] in SOURCES)
     }
 
 
-def _option(variable: str, prefix: str) -> str:
-    return variable.removeprefix(prefix).lower().replace("_", "-")
-
-
-def pip_settings() -> dict[str, str]:
-    """The user's settings of pip that are kept, as variables, whichever file they stand in; files are read no more."""
-    listed = subprocess.run([*pip(), "config", "list"], capture_output=True, text=True)
-    if listed.returncode:
-        sys.exit(f"pip's settings cannot be read: {' '.join(listed.stderr.splitlines()[-4:])}")
-    settings = []
-    for section in ("global", "install", ":env:"):  # the last one counts
-        settings += re.findall(rf"^{section}\.([a-z-]+)='(.*)'$", listed.stdout, re.MULTILINE)
-    kept = {
-        f"PIP_{name.upper().replace('-', '_')}": value.replace("\\n", " ").strip()
-        for name, value in settings
-        if name in PIP_SETTINGS
-    }
-    return kept | {"PIP_CONFIG_FILE": os.devnull, "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
-
-
-def uv_settings() -> str:
-    """The user's settings of uv that are kept, in TOML, of the file that uv would read first."""
-    home = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
-    named = Path(os.environ.get("UV_CONFIG_FILE", os.devnull))
-    for file in (named, home / "uv" / "uv.toml", Path("/etc/uv/uv.toml")):
-        if not file.is_file():
-            continue
-        try:
-            settings = tomllib.loads(file.read_text("utf-8"))
-        except ValueError as error:
-            sys.exit(f"{file}: {error}")
-        of_both = settings | settings.get("pip", {})
-        kept = {name: value for name, value in of_both.items() if name in UV_SETTINGS}
-        return "".join(f"{name} = {_as_toml(value)}\n" for name, value in kept.items())
-    return ""
-
-
-def _as_toml(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key} = {_as_toml(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_as_toml, value)) + "]"
-    return json.dumps(value)
-
-
-def run(command: list[str], variables: Mapping[str, str]) -> bool:
+def run(command: list[str]) -> bool:
     """Whether a command ends well; it ends when make does."""
-    with subprocess.Popen(command, env=dict(variables)) as process:
+    with subprocess.Popen(command, env=environment()) as process:
         while process.poll() is None:
             if not make_lives():
                 process.kill()
@@ -279,20 +188,21 @@ def run(command: list[str], variables: Mapping[str, str]) -> bool:
     return process.returncode == 0
 
 
-def find_lacking(groups: list[str], is_base: bool) -> str:
-    """Say what of some groups of pyproject.toml cannot be imported from .venv in the locked version; "" if nothing."""
-    project = tomllib.loads(Path("pyproject.toml").read_text("utf-8"))
-    asked = [each for group in groups for each in in_group(project["dependency-groups"], group)]
-    if is_base:
-        asked += project["project"]["dependencies"]
-        asked += [
-            each
-            for name in ("plot", "xlsx")
-            for each in project["project"]["optional-dependencies"][name]
-        ]
-    locked = re.findall(r"^[^ #].*?(?= *\\?$)", LOCK.read_text("utf-8"), re.MULTILINE)
-    command = [PYTHON, "-I", "-c", CHECK, json.dumps(asked), json.dumps(locked)]
-    checked = subprocess.run(command, capture_output=True, text=True, env=environment())
+def find_lacking(group: str) -> str:
+    """Say what of a group of pyproject.toml is not in .venv in the locked version, or can't be imported; "" if nothing.
+
+    Of a package that not every machine needs, nothing is said.
+    """
+    groups = tomllib.loads(Path("pyproject.toml").read_text("utf-8"))["dependency-groups"]
+    asked = [each for each in in_group(groups, group) if ";" not in each]
+    names = [re.split(r"[^\w.-]", each)[0].lower() for each in asked]
+    installed, lock = find_installed(), LOCK.read_text("utf-8")
+    for name in names:
+        there = installed[name].version if name in installed else ""
+        if not re.search(rf"(?m)^{re.escape(f'{name}=={there}')}(?= |$)", lock):
+            return f"{name} is not there in the locked version"
+    command = [PYTHON, "-I", "-c", CHECK, *(installed[name].name for name in names)]
+    checked = subprocess.run(command, capture_output=True, text=True)
     return checked.stderr.strip().rpartition("\n")[2] if checked.returncode else ""
 
 

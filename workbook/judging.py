@@ -12,11 +12,9 @@
 """
 
 import math
-import re
-from collections.abc import Iterable, Mapping
-from decimal import Decimal
+from collections.abc import Mapping
+from decimal import Decimal, InvalidOperation
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,120 +43,107 @@ Criteria = Mapping[str, float] | None  # limits to try in place of those of the 
 Measured = Mapping[str, tuple[Any, str]]  # by claim what its rule compares, and in words
 
 
+def collect(what: str, columns: list[str]) -> pd.DataFrame:
+    """Collect the "cells" or "claims" of all outcomes, by id, with their notebooks; UserError where two export one."""
+    outcomes = load_outcomes().items()
+    rows = [row | {"notebook": name} for name, outcome in outcomes for row in outcome[what]]
+    table = pd.DataFrame(rows, columns=["id", *columns, "notebook"]).set_index("id")
+    for name in table.index[table.index.duplicated()]:
+        both = f"{name}: exported by two notebooks, {' and '.join(table.loc[name, 'notebook'])}"
+        raise UserError(f"{both}: one of their outcomes is another's; make all runs them")
+    return table
+
+
 # ----------------------------------------------------------------------------------------------------------- numbers
 
 
-def _pooled(numbers: Numbers) -> list[float]:
+def _pool(numbers: Numbers) -> list[float]:
     """Realisations of all settings together; of one number, that."""
     return [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
 
 
-def resolution(row: Any) -> str:
+def _interval(row: Any) -> tuple[float, float]:
+    """Rule 2."""
+    if isinstance(row.numbers, Mapping):
+        return find_hook("interval")(_pool(row.numbers))
+    tolerance = row.abs_tol + row.rel_tol * abs(row.published)
+    high = math.inf if row.kind == "bound" else row.reproduced + tolerance
+    return row.reproduced - tolerance, high
+
+
+def _resolution(row: Any) -> str:
     """Rule 4, in words: "-4.3 % to +2.4 %"; of an SD factors: "1/4.3 to 21 times"; of a number about zero, its ends."""
-    low, ours, high = row.low, row.reproduced, row.high
+    low, ours = row.low, row.reproduced
     if row.agreement == "not tested":
         return ""
-    if math.isinf(high):
+    if math.isinf(row.high):
         return "anything above"
     if row.Index.endswith(".sd"):
-        return f"1/{ours / low:.2g} to {high / ours:.2g} times"
-    if low <= 0 <= high:
-        return f"{low - ours:+.2g} to {high - ours:+.2g}"
-    ends = sorted((100 * (low / ours - 1), 100 * (high / ours - 1)))
+        return f"1/{ours / low:.2g} to {row.high / ours:.2g} times"
+    if low <= 0 <= row.high:
+        return f"{low - ours:+.2g} to {row.high - ours:+.2g}"
+    ends = sorted((100 * (low / ours - 1), 100 * (row.high / ours - 1)))
     return f"{ends[0]:+.2g} % to {ends[1]:+.2g} %"
 
 
-def count_realisations(printed: float, numbers: Numbers) -> str:
-    """Say under how many settings alone a printed number agrees, and how many realisations lie below it."""
-    if not isinstance(numbers, Mapping):
-        return ""
-    pooled, alone = _pooled(numbers), [find_hook("interval")(each) for each in numbers.values()]
-    words = f"; {sum(x < printed for x in pooled)} of {len(pooled)} realisations lie below the printed number"
+def _reason(row: Any) -> str:
+    """Why a number agrees, differs or is not tested; and of realisations, how many lie below the printed one."""
+    if row.agreement == "not tested" and row.expected not in NOT_TESTED:
+        is_there = math.isfinite(row.reproduced)
+        return "too few realisations for an interval" if is_there else "no notebook computed it"
+    words = f"{row.why}; {row.reason}" if row.agreement == "differs" else row.reason
+    if not isinstance(row.numbers, Mapping):
+        return words
+    alone = [find_hook("interval")(each) for each in row.numbers.values()]
     if np.isfinite(alone).all():
-        agreeing = sum(low <= printed <= high for low, high in alone)
-        words = f"; agrees under {agreeing} of {len(alone)} settings alone{words}"
-    return words
+        agreeing = sum(low <= row.published <= high for low, high in alone)
+        words += f"; agrees under {agreeing} of {len(alone)} settings alone"
+    pooled = _pool(row.numbers)
+    below = sum(x < row.published for x in pooled)
+    return f"{words}; {below} of {len(pooled)} realisations lie below the printed number"
 
 
-def judge_numbers(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Compare ours with printed numbers: rows `id, source, numbers, notebook` become those of `verdicts.csv`, by id."""
-    columns = ["id", "source", "numbers", "notebook"]
-    ours = pd.DataFrame([{"notebook": ""} | dict(row) for row in rows], columns=columns)
-    ours = ours.set_index("id")
-    table = ours.join(read_table("cells").rename(columns={"source": "expected"}))
-    value, pooled = table["value"].astype(float), table["numbers"].map(_pooled)
-    table["published"], table["reproduced"] = value, pooled.map(np.median).astype(float)
-    tolerance = table["abs_tol"] + table["rel_tol"] * value.abs()
-    many = pooled[table["numbers"].map(lambda each: isinstance(each, Mapping))]
-    ends = pd.DataFrame(
-        [find_hook("interval")(each) for each in many], many.index, ["low", "high"], dtype=float
-    )
-    high = (table["reproduced"] + tolerance).mask(table["kind"] == "bound", np.inf)
-    table["low"] = ends["low"].reindex(table.index).fillna(table["reproduced"] - tolerance)
-    table["high"] = ends["high"].reindex(table.index).fillna(high)
+def judge_numbers(ours: pd.DataFrame) -> pd.DataFrame:
+    """Compare ours, `source, numbers` by id, with printed numbers: those of the table of cells, with their verdicts."""
+    cells = read_table("cells").rename(columns={"source": "expected", "value": "published"})
+    table = ours.join(cells.astype({"published": float}))
+    table["reproduced"] = [float(np.median(_pool(each))) for each in table["numbers"]]
+    table[["low", "high"]] = [_interval(row) for row in table.itertuples()]
 
     def holds(factor: float) -> pd.Series:
-        return (factor * value).between(table["low"], table["high"])
+        return (factor * table["published"]).between(table["low"], table["high"])
 
-    is_absent = ~np.isfinite(table["reproduced"])
-    is_open = is_absent | ~np.isfinite(table["low"])
-    is_tested = ~is_open & ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
-    table["agreement"] = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
-    table["weak"] = np.where(
-        (table["agreement"] == "agrees") & (holds(2 / 3) | holds(4 / 3)), "yes", ""
-    )
-    why = table["known_difference"].replace("", "no explanation known") + "; "
-    said = [*map(count_realisations, value, table["numbers"])]
-    reason = why.where(table["agreement"] == "differs", "") + table["reason"] + said
-    of_tested = ~table["expected"].isin(NOT_TESTED)
-    reason = reason.mask(is_open & of_tested, "too few realisations for an interval")
-    table["reason"] = reason.mask(is_absent & of_tested, "no notebook computed it")
-    table["resolution"] = [resolution(row) for row in table.itertuples()]
-    columns = ["printed", "published", "reproduced", "low", "high", "agreement", "weak", "source"]
-    return table[[*columns, "resolution", "reason", "notebook"]]
+    is_tested = np.isfinite(table["reproduced"]) & np.isfinite(table["low"])
+    is_tested &= ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
+    agreement = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
+    table["agreement"] = agreement
+    agrees = agreement == "agrees"
+    is_weak = agrees & (holds(2 / 3) | holds(4 / 3))
+    table["weak"] = np.where(is_weak, "yes", "")
+    grade = table["agreement"].mask(agrees & (table["source"] == CONSISTENT), "consistent")
+    table["grade"] = grade.mask(is_weak, "agrees weakly")  # how much an agreement says
+    table["name"] = name_cells(table)
+    table["why"] = table["known_difference"].replace("", "no explanation known")
+    table["reason"] = [_reason(row) for row in table.itertuples()]
+    table["resolution"] = [_resolution(row) for row in table.itertuples()]
+    return table
 
 
-def verdicts(results: Path) -> pd.DataFrame:
-    """Judge every printed number in the paper's order, by the notebooks' outcomes; a row each, by id.
+def verdicts() -> pd.DataFrame:
+    """Judge every printed number in the paper's order, by the notebooks' outcomes, as `judge_numbers` does.
 
     Raises
     ------
     UserError
         No notebook exports a number that is not taken over, or two do.
     """
-    outcomes = load_outcomes(results)
-    made = [row | {"notebook": name} for name, each in outcomes.items() for row in each["cells"]]
-    refuse_twice(made)
-    expected = read_table("cells")["source"]
-    left = expected.drop([row["id"] for row in made])
-    for row in made:
-        if expected[row["id"]] != "taken over" and not np.isfinite(_pooled(row["numbers"])).all():
-            raise _lacking(row["id"])
-    for cell in left.index[left != "taken over"]:
-        raise _lacking(cell)
-    made += [{"id": cell, "source": source, "numbers": math.nan} for cell, source in left.items()]
-    return judge_numbers(made).reindex(expected.index)
-
-
-def _lacking(cell: str) -> UserError:
-    return UserError(f"{cell}: no notebook has computed it; make all runs them")
-
-
-def refuse_twice(rows: list[dict[str, Any]]) -> None:
-    """Refuse what two notebooks export: one of their outcomes is another's."""
-    by_id: dict[str, str] = {}
-    for row in rows:
-        if other := by_id.get(row["id"]):
-            both = f"{row['id']}: exported by two notebooks, {other} and {row['notebook']}"
-            raise UserError(f"{both}: one of their outcomes is another's; make all runs them")
-        by_id[row["id"]] = row["notebook"]
-
-
-def grade(verdicts: pd.DataFrame) -> pd.Series:
-    """Say how much each verdict says: an agreement is weak, or the paper's consistency alone."""
-    grades = verdicts["agreement"].mask(verdicts["source"] == CONSISTENT, "consistent")
-    grades = grades.mask(verdicts["weak"] == "yes", "agrees weakly")
-    return grades.where(verdicts["agreement"] == "agrees", verdicts["agreement"])
+    cells = read_table("cells")
+    ours = collect("cells", ["source", "numbers"]).reindex(cells.index)
+    table = judge_numbers(ours.fillna({"source": cells["source"], "notebook": ""}))
+    is_lacking = ~np.isfinite(table["reproduced"]) & (table["expected"] != "taken over")
+    for cell in table.index[is_lacking]:
+        raise UserError(f"{cell}: no notebook has computed it; make all runs them")
+    return table
 
 
 # ------------------------------------------------------------------------------------------------------------ claims
@@ -173,9 +158,6 @@ def decide(claim: str, measured: Any, criteria: Criteria = None) -> bool | None:
     decide. `criteria` are limits to try in place of the table's.
     """
     claims = read_table("claims")
-    if unknown := {claim, *(criteria or {})} - {*claims.index}:
-        known = ", ".join(claims.index)
-        raise KeyError(f"{', '.join(sorted(unknown))}: no such claim; there are {known}")
     rule = claims.at[claim, "rule"]
     limit = float((criteria or {}).get(claim, claims.at[claim, "criterion"]))
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
@@ -184,14 +166,16 @@ def decide(claim: str, measured: Any, criteria: Criteria = None) -> bool | None:
         limit if math.isclose(x, limit, rel_tol=1e-9) else x
         for x in np.ravel(measured)[[0, -1]].astype(float)
     )
+    if math.isnan(low) or math.isnan(high):
+        return None
     half_digit = 0.5 * 10.0 ** int(Decimal(str(limit)).as_tuple().exponent) * (1 + 1e-9)
     holds, fails = {
-        "below": (low < limit, low >= limit),
-        "at most": (low <= limit, low > limit),
-        "above": (low > limit, low <= limit),
-        "at least": (low >= limit, low < limit),
-        "rounds to": (abs(low - limit) <= half_digit, abs(low - limit) > half_digit),
-        "rounds to, or a bound": (abs(low - limit) <= half_digit, low > limit + half_digit),
+        "below": (low < limit, True),
+        "at most": (low <= limit, True),
+        "above": (low > limit, True),
+        "at least": (low >= limit, True),
+        "rounds to": (abs(low - limit) <= half_digit, True),
+        "rounds to, or a bound": (abs(low - limit) <= half_digit, low > limit),
         "p below": (low < limit, high < limit),
         "interval below": (high < limit, low > limit),
         "interval above": (low > limit, high < limit),
@@ -207,27 +191,42 @@ def decide_all(measured: Measured, criteria: Criteria = None) -> dict[str, tuple
     }
 
 
-def claims(results: Path) -> pd.DataFrame:
-    """The paper's sentences with their verdicts: `id, of, quote, reading, section, verdict, measured, notebook`.
+def claims() -> pd.DataFrame:
+    """The table of claims with `verdict, measured, notebook`.
 
     Of a claim that no notebook can decide, the table says why: it is undecided. UserError where no notebook decides
     another one, or two do.
     """
-    claimed = read_table("claims")
-    outcomes = load_outcomes(results)
-    made = [row | {"notebook": name} for name, each in outcomes.items() for row in each["claims"]]
-    refuse_twice(made)
-    ours = pd.DataFrame(made, columns=["id", "holds", "measured", "notebook"]).set_index("id")
-    ours["verdict"] = ours["holds"].map(lambda holds: CLAIM_VERDICTS[holds])
-    table = claimed[["of", "quote", "reading", "section"]]
-    table = table.join(ours[["verdict", "measured", "notebook"]])
-    table["measured"] = table["measured"].fillna(claimed["untested"])
+    table = read_table("claims").join(collect("claims", ["holds", "measured"]))
+    table["verdict"] = [CLAIM_VERDICTS[None if pd.isna(each) else each] for each in table["holds"]]
+    table["measured"] = table["measured"].fillna(table["untested"])
     for claim in table.index[table["measured"] == ""]:
         raise UserError(f"{claim}: no notebook has decided it; make all runs them")
-    return table.fillna({"verdict": CLAIM_VERDICTS[None], "notebook": ""}).reset_index()
+    return table.fillna({"notebook": ""})
 
 
 # ------------------------------------------------------------------------------------------------ beside a notebook
+
+
+def like_printed(value: float, printed: str, more: int = 0) -> str:
+    """Write our number with the digits of the printed one, or with more: as asked, or where that shows nothing."""
+    if math.isnan(value):
+        return ""
+    try:
+        digits = Decimal(printed.rstrip("%"))
+    except InvalidOperation:
+        return f"{value:.4g}"
+    if "e" in printed.lower():
+        return f"{value:.2e}"
+    text = f"{value:.{max(0, -int(digits.as_tuple().exponent)) + more}f}"
+    return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
+
+
+def name_cells(cells: pd.DataFrame) -> list[str]:
+    """Names of printed numbers: "Table 2, row 1, mean"."""
+    rows = cells["row"].where(~cells["row"].str.isdigit(), "row " + cells["row"])
+    columns = (", " + cells["column"].str.replace("_", " ")).mask(cells["column"] == "value", "")
+    return [*(cells["element"] + ", " + rows + columns)]
 
 
 def judge(
@@ -238,58 +237,44 @@ def judge(
     Returns
     -------
     DataFrame
-        A row a number or claim: id; the printed number; ours, of realisations their median; the
-        interval that a printed number must lie in to agree; the committed number, which is ours
-        where this run makes what is committed; and the verdict.
+        A row a number or claim, by id, as text: its name; the printed number; ours, of realisations their median, or
+        what was measured; the interval that a printed number must lie in to agree; what is committed, which is ours
+        where this run makes it; and the verdict.
     """
-    names = {"reproduced": "ours", "agreement": "verdict"}
-    numbers = judge_numbers(cell_rows(cells)).rename(columns=names) if cells else pd.DataFrame()
-    decided = {
-        claim: {"ours": words, "verdict": CLAIM_VERDICTS[holds]}
+    rows = [
+        (claim, claim.replace("_", " "), words, CLAIM_VERDICTS[holds])
         for claim, (holds, words) in decide_all(claims or {}, criteria).items()
-    }
-    shown = ["printed", "ours", "low", "high", "committed", "verdict"]
-    sentences = pd.DataFrame.from_dict(decided, orient="index", columns=["ours", "verdict"])
-    table = pd.concat([numbers.astype(object), sentences]).reindex(columns=shown)
+    ]
+    sentences = pd.DataFrame(rows, columns=["id", "name", "ours", "verdict"]).set_index("id")
+    numbers = sentences[:0]
+    if cells:
+        numbers = judge_numbers(pd.DataFrame(cell_rows(cells)).set_index("id"))
+        numbers = numbers.rename(columns={"reproduced": "ours", "agreement": "verdict"})
+    table = pd.concat([numbers.astype(object), sentences])
     table["committed"] = table["ours"]
     if data_are_simulated() or not OUTPUT_FOLDER:
         kept = read_made("verdicts").set_index("id")["reproduced"]
         claimed = read_made("claims").set_index("id")["measured"]
         table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
-    table = table.rename_axis("id").astype(object).fillna("")
-    return table.map(lambda x: f"{x:.5g}" if isinstance(x, float) else str(x))
+    shown = ["name", "printed", "ours", "low", "high", "committed", "verdict"]
+    table = table.reindex(columns=shown).fillna("")
+    for column in ("ours", "low", "high", "committed"):
+        table[column] = [
+            x if isinstance(x, str) else like_printed(x, printed, 1)
+            for x, printed in zip(table[column], table["printed"], strict=True)
+        ]
+    return table
 
 
 def split_table(table: pd.DataFrame) -> list[pd.DataFrame]:
-    """The rows of `judge` as a reader sees them: numbers, with one digit more than printed, and then sentences."""
+    """The rows of `judge` as a reader sees them: numbers, and then sentences."""
     of_numbers = table["printed"] != ""
-    numbers, sentences = table[of_numbers], table[~of_numbers]
-    numbers = numbers.apply(_round_row, axis=1).rename(index=_name_cell)
-    sentences = sentences[["ours", "committed", "verdict"]]
-    if (sentences["committed"] == sentences["ours"]).all():
-        sentences = sentences.drop(columns="committed")
-    sentences = sentences.rename(
-        index=lambda claim: claim.replace("_", " "), columns={"ours": "measured"}
-    )
-    named = numbers.rename_axis("number"), sentences.rename_axis("the paper's sentence")
-    return [each for each in named if len(each)]
-
-
-def _name_cell(cell: str) -> str:
-    """Name of a printed number: "Table 2, row 1, mean" of `table2.row01.mean`."""
-    words = re.sub(r"([a-z])0*(\d)", r"\1 \2", cell).replace(".", ", ").replace("_", " ")
-    return words[0].upper() + words[1:]
-
-
-def _round_row(row: pd.Series) -> pd.Series:
-    decimals = re.fullmatch(r"-?\d+(?:\.(\d+))?", row["printed"])
-    if decimals is None:  # with a power of ten
-        return row
-    form = f".{len(decimals[1] or '') + 1}f"
-    row = row.copy()
-    for column in ("ours", "low", "high", "committed"):
-        row[column] = row[column] and f"{float(row[column]):{form}}"
-    return row
+    numbers = table[of_numbers].set_index("name").rename_axis("number")
+    sentences = table[~of_numbers].set_index("name").rename_axis("the paper's sentence")
+    sentences = sentences.rename(columns={"ours": "measured"})
+    is_committed = (sentences["committed"] == sentences["measured"]).all()
+    shown = ["measured", "verdict"] if is_committed else ["measured", "committed", "verdict"]
+    return [each for each in (numbers, sentences[shown]) if len(each)]
 
 
 def verdict(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from workbook.project import ROOT, read_settings
+from workbook.project import ROOT, SETTINGS
 from workbook.stamps import sha256
 
 MOST_PRINTED = 2**20  # characters, by one notebook
@@ -25,8 +25,7 @@ def note_reads(notes: Path) -> None:
 
     Whatever lies in a folder of data that the environment names is verified by whoever reads it.
     """
-    settings = read_settings(ROOT)
-    outside = [os.environ.get(name) for name in settings.get("folders", ())]
+    outside = [os.environ.get(name) for name in SETTINGS.get("folders", ())]
     others = [Path(each) for each in (sys.prefix, *filter(None, outside))]
     seen: set[Path] = set()
 
@@ -39,18 +38,17 @@ def note_reads(notes: Path) -> None:
         seen.add(path)
         name = path.relative_to(ROOT)
         is_hidden = any(part.startswith((".", "__pycache__")) for part in name.parts)
-        if not is_hidden and name.parts[0] not in settings.get("packages", ()):
+        if not is_hidden and name.parts[0] not in SETTINGS.get("packages", ()):
             with notes.open("a", encoding="utf-8") as file:
-                file.write(f"{sha256(path)} {name.as_posix()}\n")
+                file.write(f"{name.as_posix()} {sha256(path)}\n")
 
     sys.addaudithook(note)
 
 
 def read_notes(notes: Path) -> dict[str, str]:
-    """SHA-256 of what was read, by name; of a file that was read twice as it was at first."""
+    """SHA-256 of what was read, by name, as it was when it was read first."""
     lines = notes.read_text("utf-8").splitlines() if notes.exists() else []
-    pairs = (line.split(" ", 1) for line in reversed(lines))
-    return {name: digest for digest, name in pairs}
+    return dict(line.rsplit(" ", 1) for line in lines)
 
 
 def bound_output(stream: Any, complain: Callable[[str], Any]) -> None:

@@ -10,8 +10,7 @@ import nbformat
 from nbformat.sign import NotebookNotary
 
 from replication.files import DataUnavailable, write_text
-from workbook.project import ROOT, find_hook, notebook_sources, pin_environment, read_settings
-from workbook.report import list_data
+from workbook.project import ROOT, SIMULATED, find_hook, notebook_sources
 
 NOTEBOOKS, LAB = ROOT / "notebooks", ROOT / "lab"
 # JupyterLab is not to ask for news and updates.
@@ -51,19 +50,19 @@ def start() -> None:
     Where data can't be had the copies run on simulated ones, if the project has such.
     """
     try:
-        for name in list_data():
+        for name in find_hook("checksums", dict)():
             find_hook("fetch")(name)
     except DataUnavailable as missing:
-        simulated = read_settings(ROOT).get("simulated")
-        print(
-            f"{missing}; until then {'simulated ones take' if simulated else 'nothing takes'} their place"
-        )
-        if simulated:
-            os.environ[simulated["variable"]] = "simulated"
-    os.environ |= pin_environment() | {"JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")}
+        instead = "simulated ones take" if SIMULATED else "nothing takes"
+        print(f"{missing}; until then {instead} their place")
+        if SIMULATED:
+            os.environ[SIMULATED["variable"]] = "simulated"
+    os.environ |= find_hook("environment", dict)() | {
+        "JUPYTERLAB_SETTINGS_DIR": str(LAB / ".settings")
+    }
     first = sorted(LAB.glob("[0-9]*.ipynb"))[0].relative_to(ROOT)
     command = [sys.executable, "-m", "jupyterlab", f"--LabApp.default_url=/lab/tree/{first}"]
-    if hasattr(os, "getuid") and os.getuid() == 0:
+    if os.getuid() == 0:
         command.append("--allow-root")
     os.chdir(ROOT)
     os.execv(command[0], command)

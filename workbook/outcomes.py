@@ -23,7 +23,7 @@ from replication.files import (
     write_csv,
     write_json,
 )
-from workbook.project import RESULTS, ROOT, notebook_sources, read_settings
+from workbook.project import RESULTS, ROOT, SETTINGS, SIMULATED, notebook_sources
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,47 +38,34 @@ OUTPUT_FOLDER = os.environ.get("REPLICATION_OUT", "")
 # -------------------------------------------------------------------------------------------------------------- read
 
 
-@cache
-def _parse_table(name: str) -> pd.DataFrame:
-    def parse(text: str) -> pd.DataFrame:
-        table = pd.read_csv(io.StringIO(text), keep_default_na=False)
-        return table.set_index("id") if "id" in table else table
-
-    settings = read_settings(ROOT)
-    if name not in settings:
-        raise UserError(f"{ROOT / 'pyproject.toml'}: [tool.workbook] names no {name}")
-    return read_committed(ROOT / settings[name], parse)
-
-
 def read_table(name: str) -> pd.DataFrame:
     """Read a table that the settings name: "cells", "claims", "errata", "deviations"; by id, if it has one."""
-    return _parse_table(name).copy()
+    if name not in SETTINGS:
+        raise UserError(f"{ROOT / 'pyproject.toml'}: [tool.workbook] names no {name}")
+    return _read_table(ROOT / SETTINGS[name]).copy()
 
 
-def read_kept(name: str) -> pd.DataFrame:
-    """Read `results/NAME.csv`, a table that a study has made and `make all` does not make again."""
-    file = kept_table(name)
-    check_kept(file)
-    return pd.read_csv(file)
+@cache
+def _read_table(file: Path) -> pd.DataFrame:
+    table = read_committed(file, lambda text: pd.read_csv(io.StringIO(text), keep_default_na=False))
+    return table.set_index("id") if "id" in table else table
 
 
 def read_made(name: str) -> pd.DataFrame:
     """Read `results/NAME.csv`, a table that a notebook or the report makes."""
-    return read_committed(kept_table(name), lambda text: pd.read_csv(io.StringIO(text)))
+    return read_committed(RESULTS / f"{name}.csv", lambda text: pd.read_csv(io.StringIO(text)))
 
 
-def kept_table(name: str) -> Path:
-    """Find `results/NAME.csv`; UserError where it is missing."""
-    file = RESULTS / f"{name}.csv"
-    if not file.is_file():
-        raise UserError(f"{file} is missing; git checkout brings it back, or make studies")
-    return file
+def read_kept(name: str) -> pd.DataFrame:
+    """Read `results/NAME.csv`, a table that a study has made and `make all` does not make again."""
+    table = read_made(name)
+    check_kept(RESULTS / f"{name}.csv")
+    return table
 
 
 def data_are_simulated() -> bool:
     """Whether this run has simulated data in place of data that could not be had."""
-    simulated = read_settings(ROOT).get("simulated", {})
-    return os.environ.get(simulated.get("variable", "")) == "simulated"
+    return os.environ.get(SIMULATED.get("variable", "")) == "simulated"
 
 
 # -------------------------------------------------------------------------------------------------------------- show
@@ -110,7 +97,7 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
 
     show(figure, caption)
     if OUTPUT_FOLDER:
-        mark = read_settings(ROOT)["simulated"]["mark"] if data_are_simulated() else ""
+        mark = SIMULATED["mark"] if data_are_simulated() else ""
         save(figure, Path(OUTPUT_FOLDER) / "figures", name, mark)
 
 
@@ -120,23 +107,20 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
 def source_of(cell: str) -> str:
     """Where our number comes from: as the table says, or simulated data where these take the place of others."""
     source = read_table("cells").at[cell, "source"]
-    simulated = read_settings(ROOT).get("simulated", {})
-    is_other = data_are_simulated() and source in simulated["in_place_of"]
-    return simulated["source"] if is_other else source
+    is_other = data_are_simulated() and source in SIMULATED["in_place_of"]
+    return SIMULATED["source"] if is_other else source
 
 
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
     """Our numbers by cell id as rows `id, source, numbers`, with the six digits that results have."""
     return [
-        {"id": cell, "source": source_of(cell), "numbers": _round(numbers)}
+        {
+            "id": cell,
+            "source": source_of(cell),
+            "numbers": as_fact(numbers if isinstance(numbers, Mapping) else float(numbers)),
+        }
         for cell, numbers in cells.items()
     ]
-
-
-def _round(numbers: Any) -> Any:
-    if isinstance(numbers, Mapping):
-        return {name: [*map(_round, each)] for name, each in numbers.items()}
-    return float(FLOAT_FORMAT % numbers)
 
 
 def as_fact(value: Any) -> Any:
@@ -164,7 +148,7 @@ def save_outcome(
     outcome = {
         "cells": cell_rows(cells),
         "claims": [
-            {"id": claim, "holds": None if holds is None else bool(holds), "measured": words}
+            {"id": claim, "holds": holds, "measured": words}
             for claim, (holds, words) in claims.items()
         ],
         "facts": as_fact(facts),
@@ -172,38 +156,7 @@ def save_outcome(
     write_json(results / "outcomes" / f"{os.environ['REPLICATION_NOTEBOOK']}.json", outcome)
 
 
-def load_outcomes(results: Path) -> dict[str, dict[str, Any]]:
+def load_outcomes() -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
-    outcomes = {}
-    for name, source in notebook_sources().items():
-        file = results / "outcomes" / f"{name}.json"
-        if file.exists():
-            try:
-                outcomes[name] = _check_outcome(json.loads(file.read_text(encoding="utf-8")))
-            except (ValueError, TypeError, KeyError, RecursionError) as error:
-                raise UserError(
-                    f"{file}: not the outcome of a notebook ({error!r}); "
-                    f".venv/bin/python -m workbook run {source.relative_to(ROOT)} makes it"
-                ) from error
-    return outcomes
-
-
-def _check_outcome(outcome: dict[str, Any]) -> dict[str, Any]:
-    """Raise ValueError, TypeError or KeyError where it is not what `save_outcome` writes."""
-    printed, claimed = {*read_table("cells").index}, {*read_table("claims").index}
-    for row in outcome["cells"]:
-        pooled = [row["numbers"]]
-        if isinstance(row["numbers"], dict):
-            pooled = [number for of_setting in row["numbers"].values() for number in of_setting]
-        if row["id"] not in printed or not isinstance(row["source"], str) or not pooled:
-            raise ValueError(f"a row of cells: {row['id']}")
-        if any(type(number) not in (int, float) for number in pooled):
-            raise ValueError(f"{row['id']}: a number is none")
-    for row in outcome["claims"]:
-        if row["id"] not in claimed or row["holds"] not in (True, False, None):
-            raise ValueError(f"a row of claims: {row['id']}")
-        if not isinstance(row["measured"], str):
-            raise ValueError(f"{row['id']}: measured is no text")
-    if not isinstance(outcome["facts"], dict):
-        raise ValueError("facts without names")
-    return outcome
+    files = {name: RESULTS / "outcomes" / f"{name}.json" for name in notebook_sources()}
+    return {name: read_committed(file, json.loads) for name, file in files.items() if file.exists()}

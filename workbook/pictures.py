@@ -48,7 +48,7 @@ def save(figure: "Figure", folder: Path, name: str, mark: str = "") -> None:
 
 def find_style() -> Any:
     """The settings of matplotlib in which the project draws; the ids in an SVG never are by chance."""
-    return {"svg.hashsalt": "workbook"} | (find_hook("style") or {})
+    return {"svg.hashsalt": "workbook"} | find_hook("style", {})
 
 
 def describe_axes(figure: "Figure") -> str:

@@ -5,7 +5,6 @@ By the standard library alone: `make all` asks, each time, what is due.
 
 import re
 import tomllib
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,9 @@ def find_root() -> Path:
     raise UserError(f"{there}: no pyproject.toml with a table [tool.workbook], here or above")
 
 
-@cache
-def read_settings(project: Path) -> dict[str, Any]:
-    """Read the table tool.workbook of a project's pyproject.toml; empty where there is none."""
-    file = project / "pyproject.toml"
+def read_settings(folder: Path) -> dict[str, Any]:
+    """Read the table tool.workbook of a folder's pyproject.toml; empty where there is none."""
+    file = folder / "pyproject.toml"
     try:
         return tomllib.loads(file.read_text("utf-8")).get("tool", {}).get("workbook", {})
     except FileNotFoundError:
@@ -34,34 +32,29 @@ def read_settings(project: Path) -> dict[str, Any]:
         raise UserError(f"{file}: {error}; git checkout brings it back") from error
 
 
-def find_hook(name: str) -> Any:
-    """Find what the settings name as "module:function", code of the project; None where they name nothing."""
-    words = read_settings(ROOT).get(name)
-    if not words:
-        return None
-    module, _, attribute = words.partition(":")
+ROOT = find_root()
+RESULTS = ROOT / "results"
+SETTINGS = read_settings(ROOT)
+SIMULATED = SETTINGS.get("simulated", {})  # what takes the place of data that cannot be had
+
+
+def find_hook(name: str, default: Any = None) -> Any:
+    """Find what the settings name as "module:function", code of the project; a default where they name nothing."""
+    if name not in SETTINGS:
+        return default
+    module, _, attribute = SETTINGS[name].partition(":")
     return getattr(import_module(module), attribute)
 
 
-def pin_environment() -> dict[str, str]:
-    """Variables under which the project's arithmetic is the same everywhere."""
-    pin = find_hook("environment")
-    return pin() if pin else {}
-
-
-ROOT = find_root()
-RESULTS = ROOT / "results"
-
-
-def notebook_sources(project: Path = ROOT) -> dict[str, Path]:
-    """Sources of a project's notebooks by name, in the order of their numbers.
+def notebook_sources() -> dict[str, Path]:
+    """Sources of the notebooks by name, in the order of their numbers.
 
     Raises
     ------
     UserError
         A name is not a number and a word, as that of a copy that a cloud made, or two folders have the same.
     """
-    files = [*project.glob("notebooks/[0-9]*.py"), *project.glob("notebooks/[!.]*/[0-9]*.py")]
+    files = [*ROOT.glob("notebooks/[0-9]*.py"), *ROOT.glob("notebooks/[!.]*/[0-9]*.py")]
     sources: dict[str, Path] = {}
     for path in sorted(files, key=lambda path: path.name):
         if not re.fullmatch(r"\d+_\w+", path.stem, re.ASCII):

@@ -1,54 +1,51 @@
 """The report: the project's template with the results' numbers filled in; and the list of `make check`."""
 
 import html
-import json
-import math
-import os
 import re
 import sys
 from collections import ChainMap
 from collections.abc import Sequence
-from decimal import Decimal, InvalidOperation
-from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 import pandas as pd
 
-from replication.files import KEPT_SHA256, UserError, as_csv, as_json, read_committed, write_files
+from replication.files import UserError, as_csv, as_json, read_committed
 from workbook import judging
+from workbook.judging import like_printed
 from workbook.outcomes import load_outcomes, read_kept, read_table
-from workbook.project import RESULTS, ROOT, find_hook, read_settings
-from workbook.stamps import add_record, digest_code, sha256
+from workbook.project import RESULTS, ROOT, SETTINGS, find_hook
 
-SETTINGS = read_settings(ROOT)
 TEMPLATE = ROOT / SETTINGS["report"]
-STATUS_MARKS = ("<!-- status: begin -->", "<!-- status: end -->")
-STATUS = re.compile("|".join(STATUS_MARKS))
-WEAKLY = "agrees weakly"
-VERDICTS = ("agrees", WEAKLY, "differs", "not tested")
+README = ROOT / "README.md"
+# What stands between one pair of marks, and no other mark.
+STATUS = re.compile(
+    r"(?<=<!-- status: begin -->\n)((?!<!-- status).)*(?=<!-- status: end -->)", re.DOTALL
+)
+VERDICTS = ("agrees", "agrees weakly", "differs", "not tested")
+# Columns of the tables that are written.
+OF_CELLS = [
+    "id",
+    "printed",
+    "published",
+    "reproduced",
+    "low",
+    "high",
+    "agreement",
+    "weak",
+    "source",
+]
+OF_CELLS += ["resolution", "reason", "notebook"]
+OF_CLAIMS = ["id", "of", "quote", "reading", "section", "verdict", "measured", "notebook"]
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = re.compile(r"\b(alpha|delta|lambda|mu|omega|pi|sigma|tau)(?=\b|_)")
 ABSENT = re.compile(r"\b(nan|None|inf)\b")
 POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d+)\b")
 
 # ------------------------------------------------------------------------------------------------- numbers in words
-
-
-def like_printed(value: float, printed: str) -> str:
-    """Write our number with the digits of the printed one, or with more where that shows nothing."""
-    if math.isnan(value):
-        return ""
-    try:
-        digits = Decimal(printed.rstrip("%"))
-    except InvalidOperation:
-        return f"{value:.4g}"
-    if "e" in printed.lower():
-        return f"{value:.2e}"
-    text = f"{value:.{max(0, -int(digits.as_tuple().exponent))}f}"
-    return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
 
 
 def typeset(text: object) -> str:
@@ -65,39 +62,20 @@ def span(numbers: Sequence[float], form: str) -> str:
     return " to ".join(dict.fromkeys(ends))
 
 
-def write_p(p: float, least: float = 0.0) -> str:
-    """Write a p with two digits, or what it is below; 0.44, below 0.001, "at most 0.0031" if it can be no less."""
-    bound = "at most " if p <= 1.001 * least else ""
-    return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
-
-
 # ------------------------------------------------------------------------------------------------ what the text has
 
 
 def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Printed numbers with their verdicts, as a reader reads them: `name, printed, ours, interval, why` it differs."""
-    table = verdicts.join(
-        read_table("cells")[["element", "row", "column", "unit", "known_difference"]]
+    """Printed numbers with their verdicts as a reader reads them: `ours`, `interval` and what is `shown`."""
+    table = verdicts.assign(shown=verdicts["grade"].replace("consistent", "agrees"))
+    for column, number in {"ours": "reproduced", "from": "low", "to": "high"}.items():
+        table[column] = [*map(like_printed, table[number], table["printed"])]
+    interval = (table["from"] + " to " + table["to"]).mask(
+        np.isinf(table["high"]), "at least " + table["from"]
     )
-    table["name"] = [*map(_name, table["element"], table["row"], table["column"])]
-    table["why"] = table["known_difference"].replace("", "no explanation known")
-    table["ours"] = [*map(like_printed, table["reproduced"], table["printed"])]
-    table["interval"] = [_interval(row) for row in table.itertuples()]
-    table["shown"] = table["agreement"].mask(table["weak"] == "yes", WEAKLY)
+    is_shown = (table["agreement"] != "not tested") & table["reproduced"].notna()
+    table["interval"] = interval.where(is_shown, "")
     return table
-
-
-def _name(element: str, row: str, column: str) -> str:
-    of_row = f"row {row}" if row.isdigit() else row
-    return f"{element}, {of_row}" + ("" if column == "value" else f", {column.replace('_', ' ')}")
-
-
-def _interval(row: Any) -> str:
-    if row.agreement == "not tested" or math.isnan(row.reproduced):
-        return ""
-    if math.isinf(row.high):
-        return f"at least {like_printed(row.low, row.printed)}"
-    return " to ".join(like_printed(end, row.printed) for end in (row.low, row.high))
 
 
 def count_by(cells: pd.DataFrame, key: str) -> pd.DataFrame:
@@ -117,18 +95,17 @@ def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
 
 
 def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
-    """Claims as a reader reads them: the paper's words, what we take them to say, and what else the table has."""
+    """Claims as a reader reads them: the paper's words, and what we take them to say."""
     readings = claims["reading"].where(claims["reading"] == "", " (" + claims["reading"] + ")")
-    read = claims.assign(claim="“" + claims["quote"] + "”" + readings).set_index("id")
-    return read.join(read_table("claims").drop(columns=read.columns, errors="ignore"))
+    return claims.assign(claim="“" + claims["quote"] + "”" + readings)
 
 
 def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:
     """What was changed after a result: every change, and how each rule came about, up to today's verdict."""
     table = read_table("deviations")
-    today = claims.set_index("id")["verdict"].reindex(table["claim"]).set_axis(table.index)
-    is_last = (table["claim"] != "") & ~table["claim"].duplicated(keep="last")
-    table["verdict_after"] = table["verdict_after"].mask(is_last, today)
+    today = claims["verdict"].reindex(table["claim"]).set_axis(table.index)
+    is_today = (table["claim"] != "") & (table["verdict_after"] == "")
+    table["verdict_after"] = table["verdict_after"].mask(is_today, today)
     return {
         "deviations": table,
         "chains": {rule: _chain(part) for rule, part in table.groupby("rule", sort=False)},
@@ -144,12 +121,12 @@ def _chain(changes: pd.DataFrame) -> str:
     return " → ".join(form + (f": *{verdict}*" if verdict else "") for form, verdict in steps)
 
 
-def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dict[str, Any]:
+def describe(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Any]:
     """Everything that a template may name: verdicts, claims, the paper's tables, and the notebooks' facts, `f`."""
     cells = describe_cells(verdicts)
-    grades = judging.grade(verdicts).value_counts().reindex(judging.GRADES, fill_value=0)
+    grades = cells["grade"].value_counts().reindex(judging.GRADES, fill_value=0)
     return {
-        "f": dict(ChainMap(*(each["facts"] for each in load_outcomes(results).values()))),
+        "f": dict(ChainMap(*(each["facts"] for each in load_outcomes().values()))),
         "cells": cells.to_dict("records"),
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
         "cell": cells.to_dict("index"),
@@ -158,7 +135,7 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
         "seconds": measured_seconds(cells),
         "claims": describe_claims(claims),
         "strong": grades["agrees"],
-        "weak": grades[WEAKLY],
+        "weak": grades["agrees weakly"],
         "consistent": grades["consistent"],
         "verdicts": VERDICTS,
         **({"errata": read_table("errata")} if "errata" in SETTINGS else {}),
@@ -171,21 +148,18 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame, results: Path) -> dic
 
 def load_template() -> jinja2.Template:
     """Load the report's template, which refuses to write what is not there."""
-    return read_committed(TEMPLATE, _parse_template)
-
-
-@cache
-def _parse_template(text: str) -> jinja2.Template:
     pages = jinja2.Environment(
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
         finalize=_refuse_absent,
     )
-    pages.filters.update(typeset=typeset, span=span, p=write_p)
-    template = pages.from_string(text)
+    pages.filters.update(typeset=typeset, span=span)
+    template = read_committed(TEMPLATE, pages.from_string)
     if "status" not in template.blocks:
-        raise ValueError("the README's block, status, is gone")
+        raise UserError(
+            f"{TEMPLATE}: the README's block, status, is gone; git checkout brings it back"
+        )
     return template
 
 
@@ -209,32 +183,17 @@ def render(described: dict[str, Any]) -> tuple[str, str]:
 
 
 def provenance() -> dict[str, Any]:
-    """Versions of Python and of the packages that compute; SHA-256 of the public data."""
+    """Versions of Python and of the packages that compute; SHA-256 of the public data by name."""
+    versions = {package: version(package) for package in SETTINGS.get("versions", ())}
     python = ".".join(map(str, sys.version_info[:2]))
-    versions = {"python": python} | {
-        package: version(package) for package in SETTINGS.get("versions", ())
+    return {
+        "versions": {"python": python} | versions,
+        "authors_files": find_hook("checksums", dict)(),
     }
-    return {"versions": versions, "authors_files": list_data()}
 
 
-def list_data() -> dict[str, str]:
-    """SHA-256 of the public data by name, as the project registers them."""
-    registered = find_hook("checksums")
-    return registered() if registered else {}
-
-
-def digest_tables(project: Path) -> dict[str, str]:
-    """SHA-256, by name, of what the report is made from besides code: outcomes, kept tables and the template."""
-    beside = project / "results" / KEPT_SHA256
-    files = [*(project / "results" / "outcomes").glob("*.json"), TEMPLATE]
-    if beside.exists():
-        kept = read_committed(beside, lambda text: [*json.loads(text)])
-        files += [beside, *(project / "results" / name for name in kept)]
-    return {os.path.relpath(file, project): sha256(file) for file in files}
-
-
-def make_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> dict[Path, bytes]:
-    """Make the verdicts, the claims, `report.md` and `provenance.json` of a results folder.
+def make_report() -> dict[Path, bytes]:
+    """Make the verdicts, the claims, `report.md` and `provenance.json` of the results.
 
     The report's first section goes into a README, too, between the marks of the status.
 
@@ -248,57 +207,49 @@ def make_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> d
     UserError
         Something is missing that the report is made from.
     """
-    code, tables = digest_code(results.parent), digest_tables(results.parent)
-    verdicts, claims = judging.verdicts(results), judging.claims(results)
+    verdicts, claims = judging.verdicts(), judging.claims()
     try:
-        described = describe(verdicts, claims, results)
+        described = describe(verdicts, claims)
     except (ValueError, LookupError) as error:
         why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
-        raise UserError(f"{results}: the report cannot be made from it ({why})") from error
+        raise UserError(f"{RESULTS}: the report cannot be made from it ({why})") from error
     page, status = render(described)
-    text = read_committed(readme, str)
-    if STATUS.findall(text) != list(STATUS_MARKS):  # the text between two pairs would go
+    text, count = STATUS.subn(lambda _: f"{status}\n", read_committed(README, str))
+    if count != 1:
         raise UserError(
-            f"{readme}: not one pair of marks of the status; git checkout brings it back"
+            f"{README}: not one pair of marks of the status; git checkout brings it back"
         )
-    before, _, after = STATUS.split(text)
-    text = f"{before}{STATUS_MARKS[0]}\n{status}\n{STATUS_MARKS[1]}{after}"
-    made = {
-        "results/report.md": page.encode(),
-        "results/verdicts.csv": as_csv(verdicts.reset_index()),
-        "results/claims.csv": as_csv(claims),
+    return {
+        RESULTS / "report.md": page.encode(),
+        RESULTS / "verdicts.csv": as_csv(verdicts.reset_index()[OF_CELLS]),
+        RESULTS / "claims.csv": as_csv(claims.reset_index()[OF_CLAIMS]),
+        RESULTS / "provenance.json": as_json(provenance()),
+        README: text.encode(),
     }
-    made["results/provenance.json"] = as_json(add_record(provenance(), code, tables, made))
-    files = {results.parent / name: content for name, content in made.items()}
-    return files | {readme: text.encode()}
-
-
-def write_report(results: Path = RESULTS, readme: Path = ROOT / "README.md") -> list[Path]:
-    """Write what `make_report` makes, all or none; return its files."""
-    made = make_report(results, readme)
-    write_files(made)
-    return [*made]
 
 
 def refuse_stale(made: dict[Path, bytes]) -> None:
     """Refuse a report, a table of its or a README that says other than the results; versions may be others."""
     for file, content in made.items():
-        if file.name != "provenance.json" and file.read_bytes() != content:
+        is_same = file.is_file() and file.read_bytes() == content
+        if not is_same and not (file.name == "provenance.json" and file.is_file()):
             raise UserError(f"{file}: it says other than the results; make all makes it")
 
 
 def list_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> str:
     """Every printed number and every claim, as `make check` prints them, in groups: first what differs."""
-    cells = describe_cells(verdicts).reset_index()
+    cells = describe_cells(verdicts).rename(columns={"agreement": "verdict"})
     columns = ["id", "printed", "ours", "interval", "unit", "source", "reason"]
     groups = []
-    for agreement in ("differs", "not tested", "agrees"):
-        chosen = cells.loc[cells["agreement"] == agreement, columns]
-        groups.append((f"{len(chosen)} of {len(cells)} printed numbers: {agreement}", chosen))
-    for verdict in ("does not hold", "undecided", "holds"):
-        chosen = claims.loc[claims["verdict"] == verdict, ["id", "measured"]]
-        groups.append((f"{len(chosen)} of {len(claims)} claims: {verdict}", chosen))
-    return "\n\n".join(f"{title}\n{_align(table)}" for title, table in groups)
+    for table, what, shown in (
+        (cells, "printed numbers", columns),
+        (claims, "claims", ["id", "measured"]),
+    ):
+        for verdict in ("differs", "not tested", "agrees", "does not hold", "undecided", "holds"):
+            chosen = table[table["verdict"] == verdict].reset_index()[shown]
+            title = f"{len(chosen)} of {len(table)} {what}: {verdict}"
+            groups += [f"{title}\n{_align(chosen)}"] if len(chosen) else []
+    return "\n\n".join(groups)
 
 
 def _align(table: pd.DataFrame) -> str:
@@ -309,6 +260,6 @@ def _align(table: pd.DataFrame) -> str:
 
 
 def find_surprises(verdicts: pd.DataFrame) -> list[str]:
-    """Find the numbers that differ and are no known difference of `cells.csv`."""
-    known = read_table("cells")["known_difference"].reindex(verdicts.index)
-    return [*verdicts.index[(verdicts["agreement"] == "differs") & (known == "")]]
+    """Find the numbers that differ and are no known difference of the table of cells."""
+    is_unknown = verdicts["known_difference"] == ""
+    return [*verdicts.index[(verdicts["agreement"] == "differs") & is_unknown]]

@@ -1,13 +1,13 @@
-"""What a notebook and the report were made from, and what they made: is it so still? Content decides, never a time.
+"""What a notebook was made from, and what it made: is it so still? Content decides, never a time.
 
-A record is committed: the outcome of a notebook, `results/outcomes/NAME.json`, and of the report
-`results/provenance.json`. It holds `made_from`, one SHA-256 of all inputs: the notebook's source, the packages that it
-may import, the lock, the workbook's settings, and the files that the run itself has noted as it read them (`read`);
-and `made`, the SHA-256 of each file that it made. A stamp, `.make/NAME.ran`, is what a run leaves here: its seconds,
-and the SHA-256 of all that it made, with the record.
+A record is committed: the outcome of a notebook, `results/outcomes/NAME.json`. It holds `made_from`, one SHA-256 of
+all inputs: the notebook's source, the packages that it may import, the lock, the workbook's settings, and the files
+that the run itself has noted as it read them (`read`); and `made`, the SHA-256 of each file that it made. A stamp,
+`.make/NAME.ran`, is what a run leaves here: its seconds, and the SHA-256 of the record.
 
 No inputs are: the versions of Python and of a processor, on which results do not depend; the paper's data, whose
-SHA-256 a package holds; hidden files and those that nothing can import; the report's template, of a notebook.
+SHA-256 a package holds; hidden files and those that nothing can import; the report's template. The report has no stamp:
+`make all` makes it each time, and `make check` compares it with what the results say.
 
 By the standard library alone: `make all` asks, each time, what is due.
 """
@@ -18,15 +18,15 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from replication.files import UserError, write_text
-from workbook.project import ROOT, notebook_sources, read_settings
+from replication.files import KEPT_SHA256, UserError, check_kept, read_committed, write_text
+from workbook.project import RESULTS, ROOT, SETTINGS, notebook_sources
 
-REPORT = "report"
 RECORD = ("made_from", "read", "made")
+STAMP = ("seconds", "ended", "lacks", "record")
 SAID = "what is said"  # in a record, among the files: the rest of its own one
 # Of whatever stands where JSON should.
 UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
@@ -47,28 +47,27 @@ def sha256(file: Path) -> str:
         return ""
 
 
+def digest(content: Mapping[str, Any]) -> str:
+    """SHA-256 of names and values, in whichever order."""
+    return sha256_of(json.dumps(content, sort_keys=True).encode())
+
+
 # ----------------------------------------------------------------------------------------------- what it was made from
 
 
-def list_code(project: Path) -> Iterator[Path]:
+def list_code() -> Iterator[Path]:
     """List the files of the packages that a notebook may import."""
-    for package in read_settings(project).get("packages", ()):
-        for file in (project / package).rglob("*.*"):
+    for package in SETTINGS.get("packages", ()):
+        for file in (ROOT / package).rglob("*.*"):
             if INPUT.fullmatch(file.name) and file.is_file():
                 yield file
 
 
-def digest_code(project: Path, source: Path | None = None) -> dict[str, str]:
-    """SHA-256, by name, of all that is known before a run: source, packages, lock and settings."""
-    files = [*list_code(project), project / "requirements.lock", *([source] if source else [])]
-    settings = json.dumps(read_settings(project), sort_keys=True)
-    digests = {file.relative_to(project).as_posix(): sha256(file) for file in files}
-    return digests | {"tool.workbook": sha256_of(settings.encode())}
-
-
-def digest_inputs(code: Mapping[str, str], read: Mapping[str, str]) -> str:
-    """One SHA-256 of what a run is made from, by the SHA-256 of each input."""
-    return sha256_of(json.dumps(dict(code) | dict(read), sort_keys=True).encode())
+def digest_code(*sources: Path) -> dict[str, str]:
+    """SHA-256, by name, of all that is known before a run: sources, packages, lock and settings."""
+    files = [*list_code(), ROOT / "requirements.lock", *sources]
+    digests = {file.relative_to(ROOT).as_posix(): sha256(file) for file in files}
+    return digests | {"tool.workbook": digest(SETTINGS)}
 
 
 def add_record(
@@ -78,141 +77,142 @@ def add_record(
     made: Mapping[str, bytes],
 ) -> dict[str, Any]:
     """Add to what a run says what it was made from, and what it made, by names from the project's folder."""
-    other = {name: digest for name, digest in read.items() if name not in made}
+    other = {name: each for name, each in read.items() if name not in made}
     files = {name: sha256_of(made[name]) for name in sorted(made)}
-    record = {"made_from": digest_inputs(code, other), "read": sorted(other)}
-    return {**said, **record, "made": {SAID: digest_said(said)} | files}
+    record = {"made_from": digest({**code, **other}), "read": sorted(other)}
+    return {**said, **record, "made": {SAID: digest(said), **files}}
 
 
-def digest_said(said: Mapping[str, Any]) -> str:
-    """SHA-256 of what a run says, without the record."""
-    left = {name: value for name, value in said.items() if name not in RECORD}
-    return sha256_of(json.dumps(left, sort_keys=True).encode())
+def record_file(name: str) -> Path:
+    """Name the file that says what a notebook was made from."""
+    return RESULTS / "outcomes" / f"{name}.json"
 
 
-def record_file(project: Path, name: str) -> Path:
-    """Name the file that says what a notebook, or the report, was made from."""
-    results = project / "results"
-    return results / ("provenance.json" if name == REPORT else f"outcomes/{name}.json")
+def stamp_file(name: str) -> Path:
+    """Name the stamp of a notebook."""
+    return ROOT / ".make" / f"{name}.ran"
 
 
-def read_record(project: Path, name: str) -> dict[str, Any]:
-    """Read the record of a notebook, or of the report; empty where there is none."""
+def _read_json(file: Path, names: tuple[str, ...]) -> dict[str, Any]:
+    """Read some names of a JSON file, and the SHA-256 of the rest; empty where it has not all of them."""
     try:
-        held = json.loads(record_file(project, name).read_text("utf-8"))
-        return {
-            "made_from": str(held["made_from"]),
-            "read": [*map(str, held["read"])],
-            "made": {str(file): str(digest) for file, digest in held["made"].items()},
-            SAID: digest_said(held),
-        }
+        held = json.loads(file.read_text("utf-8"))
+        return {name: held.pop(name) for name in names} | {SAID: digest(held)}
     except UNREADABLE:
         return {}
 
 
-def find_fault(project: Path, name: str) -> str:
-    """Say what is not as the record of a notebook, or of the report, says; "" where all is."""
-    record = read_record(project, name)
+def read_record(name: str) -> dict[str, Any]:
+    """Read the record of a notebook; empty where there is none."""
+    return _read_json(record_file(name), RECORD)
+
+
+def list_made(name: str) -> set[str]:
+    """List what a notebook has made, by names from the project's folder, with its record."""
+    record = record_file(name).relative_to(ROOT).as_posix()
+    return {record, *read_record(name)["made"]} - {SAID}
+
+
+def list_kept() -> list[str]:
+    """List the tables that `make all` does not make, by names from the project's folder."""
+    file = RESULTS / KEPT_SHA256
+    kept = read_committed(file, json.loads) if file.exists() else ()
+    return [f"results/{name}" for name in kept]
+
+
+def find_fault(name: str) -> str:
+    """Say what is not as the record of a notebook says; "" where all is."""
+    record = read_record(name)
     if not record:
-        file = record_file(project, name).relative_to(project)
+        file = record_file(name).relative_to(ROOT)
         return f"{file} is missing, or says not what it was made from"
-    for file, digest in record["made"].items():
-        if (record[SAID] if file == SAID else sha256(project / file)) != digest:
+    for file, expected in record["made"].items():
+        if (record[SAID] if file == SAID else sha256(ROOT / file)) != expected:
             return f"{file} is missing, or not as it was made"
-    source = None if name == REPORT else notebook_sources(project)[name]
-    read = {file: sha256(project / file) for file in record["read"]}
-    is_same = record["made_from"] == digest_inputs(digest_code(project, source), read)
-    return "" if is_same else MADE_BY_OTHER
+    read = {file: sha256(ROOT / file) for file in record["read"]}
+    inputs = digest_code(notebook_sources()[name]) | read
+    return "" if record["made_from"] == digest(inputs) else MADE_BY_OTHER
 
 
 MADE_BY_OTHER = "made by other code or tables than those that are there"
 
 
-def refuse_faults(project: Path = ROOT, names: Iterable[str] = ()) -> None:
+def refuse_faults() -> None:
     """Refuse to go on where results are missing, or are not those of the code and the tables that are there.
 
     What is missing is never judged; nor what a notebook had made before it was removed, or changed. A notebook that
     hands the report nothing may be one that cannot run here: it may be older than the code.
     """
-    sources = notebook_sources(project)
-    for file in sorted((project / "results" / "outcomes").glob("*.json")):
+    sources = notebook_sources()
+    for file in sorted((RESULTS / "outcomes").glob("*.json")):
         if file.stem not in sources:
             raise UserError(
-                f"{file.relative_to(project)}: no notebook makes it; git checkout brings the notebook "
+                f"{file.relative_to(ROOT)}: no notebook makes it; git checkout brings the notebook "
                 "back, or delete it"
             )
-    for name in names or sources:
-        fault = find_fault(project, name)
-        if fault and (fault != MADE_BY_OTHER or speaks(project, name)):
+    for table in list_kept():
+        check_kept(ROOT / table)
+    for name in sources:
+        fault = find_fault(name)
+        if fault and (fault != MADE_BY_OTHER or _speaks(record_file(name))):
             raise UserError(f"{name}: {fault}; make all makes it")
 
 
-def speaks(project: Path, name: str) -> bool:
-    """Whether a notebook hands the report anything; the report always does."""
-    outcome = json.loads(record_file(project, name).read_text("utf-8"))
-    return name == REPORT or any(outcome.get(each) for each in ("cells", "claims", "facts"))
+def _speaks(outcome: Path) -> bool:
+    """Whether a notebook hands the report anything."""
+    said = json.loads(outcome.read_text("utf-8"))
+    return any(said.get(each) for each in ("cells", "claims", "facts"))
 
 
 # -------------------------------------------------------------------------------------------------- what was made here
 
 
-def new_stamp(project: Path, files: Iterable[Path], seconds: float = 0.0, lacks: str = "") -> bytes:
-    """Describe what a run has made in a project, as a stamp holds it; or what it lacked."""
-    made = {file.relative_to(project).as_posix(): sha256(file) for file in sorted(files)}
-    times = {"seconds": round(seconds), "ended": round(time.time())}
-    return (json.dumps({**times, "lacks": lacks, "made": made}, indent=1) + "\n").encode()
+def new_stamp(record: Path, seconds: float = 0.0, lacks: str = "") -> bytes:
+    """Describe a run that has left a record, as a stamp holds it; or what it lacked."""
+    stamp = {"seconds": round(seconds), "ended": round(time.time()), "lacks": lacks}
+    return json.dumps(stamp | {"record": "" if lacks else sha256(record)}).encode()
 
 
-def stamp_file(project: Path, name: str) -> Path:
-    """Name the stamp of a notebook, or of the report."""
-    return project / ".make" / f"{name}.ran"
+def read_stamp(name: str) -> dict[str, Any]:
+    """What a stamp holds; empty where there is none."""
+    return _read_json(stamp_file(name), STAMP)
 
 
-def read_stamp(project: Path, name: str) -> dict[str, Any]:
-    """What a stamp holds; nothing where there is none."""
-    try:
-        held = json.loads(stamp_file(project, name).read_text("utf-8"))
-        times = {each: float(held[each]) for each in ("seconds", "ended")}
-        return {**times, "lacks": str(held["lacks"]), "made": dict(held["made"])}
-    except UNREADABLE:
-        return {"seconds": 0.0, "ended": 0.0, "lacks": "", "made": {}}
-
-
-def find_why_due(project: Path, name: str) -> str:
-    """Say why a notebook, or the report, has not been made here as it would be now; "" where it has."""
-    stamp = read_stamp(project, name)
-    made = stamp["made"]
-    if not made:
-        return f"not run: {stamp['lacks']}" if stamp["lacks"] else "not run here"
-    for file, digest in made.items():
-        if sha256(project / file) != digest:
-            return f"{file} is not as it was made here"
-    fault = find_fault(project, name)
+def find_why_due(name: str) -> str:
+    """Say why a notebook has not been made here as it would be now; "" where it has."""
+    stamp, record = read_stamp(name), record_file(name)
+    if not stamp:
+        return "not run here"
+    if stamp["lacks"]:
+        return f"not run: {stamp['lacks']}"
+    if sha256(record) != stamp["record"]:
+        return f"{record.relative_to(ROOT)} is not as it was made here"
+    fault = find_fault(name)
     return "not run here with this code" if fault == MADE_BY_OTHER else fault
 
 
-def find_due(project: Path = ROOT) -> list[Path]:
+def find_due() -> list[Path]:
     """Find the sources of notebooks that are due, the longest first, as a table of times has them."""
     try:
-        with (project / "results" / "notebook_times.csv").open(encoding="utf-8") as file:
+        with (RESULTS / "notebook_times.csv").open(encoding="utf-8") as file:
             seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(file)}
     except (OSError, ValueError, KeyError, TypeError):
         seconds = {}
-    sources = notebook_sources(project)
-    due = [name for name in sources if find_why_due(project, name)]
+    sources = notebook_sources()
+    due = [name for name in sources if find_why_due(name)]
     return [sources[name] for name in sorted(due, key=lambda name: -seconds.get(name, 0))]
 
 
-def drop_stale_caches(project: Path = ROOT) -> None:
+def drop_stale_caches() -> None:
     """Remove compiled code of the packages if they have changed since the last run.
 
     Python and numba go by a file's time and size, and numba freezes the constants of other files.
     """
-    mark = project / ".make" / "code.sha256"
-    digest = digest_inputs(digest_code(project), {})
-    if mark.is_file() and mark.read_text("utf-8") == digest:
+    mark = ROOT / ".make" / "code.sha256"
+    now = digest(digest_code())
+    if mark.is_file() and mark.read_text("utf-8") == now:
         return
-    for package in read_settings(project).get("packages", ()):
-        for folder in (project / package).rglob("__pycache__"):
+    for package in SETTINGS.get("packages", ()):
+        for folder in (ROOT / package).rglob("__pycache__"):
             shutil.rmtree(folder, ignore_errors=True)
-    write_text(mark, digest)
+    write_text(mark, now)

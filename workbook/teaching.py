@@ -15,33 +15,12 @@ from workbook.project import notebook_sources
 WORDS_PER_MINUTE = 150
 LINES_PER_MINUTE = 12  # of code that is not folded
 EQUATION_MINUTES = 1.0
-FIGURE_MINUTES = 0.5
-TABLE_MINUTES = 0.5
+SHOWN_MINUTES = 0.5  # a figure or a table
 EXERCISE_MINUTES = 5
 FOLDED = {"hide-input", "hide-cell", "remove-input"}
 EXERCISE = {"solution", "check"}
 EQUATION = re.compile(r"\$\$.*?\$\$", re.DOTALL)
 FIGURES = re.compile(r"workbook\.(?:show|show_figure|flipbook)\(")
-
-
-def reading_minutes(name: str) -> float:
-    """How long a reader takes for a notebook without its exercises: words, visible code, equations, figures, tables."""
-    words = lines = equations = figures = tables = 0
-    for cell in _read_cells(name):
-        tags = set(cell.metadata.get("tags", []))
-        if cell.cell_type == "markdown":
-            equations += len(EQUATION.findall(cell.source))
-            words += len(EQUATION.sub("", cell.source).split())
-        elif not tags & EXERCISE:
-            figures += len(FIGURES.findall(cell.source))
-            tables += _shows_table(cell.source)
-            words += sum(len(text.split()) for text in _sentences(cell.source))
-            visible = [] if tags & FOLDED else cell.source.splitlines()
-            lines += sum(bool(line.strip()) for line in visible)
-    minutes = words / WORDS_PER_MINUTE + lines / LINES_PER_MINUTE
-    return (
-        minutes + EQUATION_MINUTES * equations + FIGURE_MINUTES * figures + TABLE_MINUTES * tables
-    )
 
 
 def _read_cells(name: str) -> list[Any]:
@@ -50,16 +29,31 @@ def _read_cells(name: str) -> list[Any]:
     return jupytext.read(notebook_sources()[name]).cells
 
 
-def _shows_table(code: str) -> bool:
-    """Whether a cell ends with a value, which Jupyter shows: a table, but for a call that shows something itself."""
-    last = ast.parse(code).body[-1]
-    return isinstance(last, ast.Expr) and not ast.unparse(last).startswith(("workbook.", "print("))
+def reading_minutes(name: str) -> float:
+    """How long a reader takes for a notebook without its exercises: words, visible code, equations, figures, tables."""
+    return sum(map(_cell_minutes, _read_cells(name)))
 
 
-def _sentences(code: str) -> list[str]:
-    """Texts of some words in a cell's code: captions and findings."""
-    texts = [each.value for each in ast.walk(ast.parse(code)) if isinstance(each, ast.Constant)]
-    return [text for text in texts if isinstance(text, str) and text.count(" ") > 2]
+def _cell_minutes(cell: Any) -> float:
+    tags = set(cell.metadata.get("tags", []))
+    if cell.cell_type == "markdown":
+        equations = EQUATION.findall(cell.source)
+        words = EQUATION.sub("", cell.source).split()
+        return len(words) / WORDS_PER_MINUTE + len(equations) * EQUATION_MINUTES
+    if tags & EXERCISE:
+        return 0.0
+    tree = ast.parse(cell.source)
+    constants = [each.value for each in ast.walk(tree) if isinstance(each, ast.Constant)]
+    texts = [each for each in constants if isinstance(each, str) and each.count(" ") > 2]
+    lines = [] if tags & FOLDED else [line for line in cell.source.splitlines() if line.strip()]
+    # A value at the end is a table, but for a call that shows something itself.
+    last = tree.body[-1]
+    is_call = ast.unparse(last).startswith(("workbook.", "print("))
+    shows_table = isinstance(last, ast.Expr) and not is_call
+    shown = len(FIGURES.findall(cell.source)) + shows_table
+    words = " ".join(texts).split()
+    minutes = len(words) / WORDS_PER_MINUTE + len(lines) / LINES_PER_MINUTE
+    return minutes + SHOWN_MINUTES * shown
 
 
 def say_times(name: str) -> None:
@@ -72,9 +66,9 @@ def say_times(name: str) -> None:
 
 def say_path(*names: str) -> None:
     """Say how long the notebooks of a path take together, by the same model, and how long their exercises."""
-    hours = sum(reading_minutes(name) for name in names) / 60
-    tags = [cell.metadata.get("tags", []) for name in names for cell in _read_cells(name)]
-    exercises = sum("solution" in each for each in tags)
+    hours = sum(map(reading_minutes, names)) / 60
+    cells = [cell for name in names for cell in _read_cells(name)]
+    exercises = sum("solution" in cell.metadata.get("tags", []) for cell in cells)
     say(
         f"*The path in all: {hours:.1f} h to read, and {exercises * EXERCISE_MINUTES / 60:.1f} h for its {exercises} "
         f"exercises, if one takes {EXERCISE_MINUTES} min.*"

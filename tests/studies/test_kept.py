@@ -15,7 +15,7 @@ from replication.compilation import pinned_environment
 from replication.files import KEPT_SHA256, ROOT, UserError, check_kept, write_kept
 from studies.kept import KEPT, TIMED
 from workbook.project import notebook_sources
-from workbook.stamps import read_record
+from workbook.stamps import list_made
 
 RESULTS = ROOT / "results"
 # The first needs a library, the second ten seconds; the others need files.
@@ -58,7 +58,7 @@ def check_or_skip(rows):
 
 
 def test_every_table_is_made_by_a_notebook_or_the_report_or_kept():
-    exports = {file for name in notebook_sources() for file in read_record(ROOT, name)["made"]}
+    exports = {file for name in notebook_sources() for file in list_made(name)}
     tables = {f"results/{file.name}" for file in RESULTS.glob("*.csv")}
     kept = {f"results/{name}.csv" for name in (*KEPT, *TIMED, *OF_REPORT)}
     assert tables - exports - kept == set()

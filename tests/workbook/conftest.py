@@ -1,22 +1,19 @@
 """A project of its own for the machine, and a real browser where one is installed."""
 
-import os
 import shutil
-from unittest import mock
 
 import pytest
 
-from workbook import ROOT
+from workbook import ROOT, certificate, execution, outcomes, stamps
+from workbook import project as project_module
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SETTINGS = f"""[tool.workbook]
 packages = ["tools"]
-folders = ["BACKLASH_DATA"]
 cells = "{ROOT}/replication/data/cells.csv"
 claims = "{ROOT}/replication/data/claims.csv"
 kept = "tools.kept"
-"""
-SIMULATED = """[tool.workbook.simulated]
+[tool.workbook.simulated]
 variable = "BACKLASH_RECORDS"
 warning = "On our simulated records."
 mark = "our simulated records"
@@ -24,21 +21,36 @@ mark = "our simulated records"
 
 
 @pytest.fixture
-def project(tmp_path):
-    """Write sources of notebooks by name; return the folder of a project that holds `notebooks`."""
+def work_on(monkeypatch):
+    """Let the machine in this process work on another folder."""
+
+    def place(folder):
+        settings = project_module.read_settings(folder)
+        here = {"ROOT": folder, "RESULTS": folder / "results", "SETTINGS": settings}
+        here["SIMULATED"] = settings.get("simulated", {})
+        for module in (project_module, certificate, execution, outcomes, stamps):
+            for name in here.keys() & vars(module).keys():
+                monkeypatch.setattr(module, name, here[name])
+
+    return place
+
+
+@pytest.fixture
+def project(tmp_path, work_on):
+    """Write sources of notebooks by name; return the folder of a project, on which the machine works."""
 
     def write(**sources):
-        for name in ("notebooks", "tools", "results"):
-            (tmp_path / name).mkdir(exist_ok=True)
-        (tmp_path / "pyproject.toml").write_text(SETTINGS + SIMULATED)
+        for name in ("notebooks", "tools", "results/outcomes", ".make"):
+            (tmp_path / name).mkdir(parents=True, exist_ok=True)
+        (tmp_path / "pyproject.toml").write_text(SETTINGS)
         (tmp_path / "requirements.lock").write_text("numpy==2.0\n")
         (tmp_path / "tools" / "__init__.py").touch()
         for name, text in sources.items():
             (tmp_path / "notebooks" / f"{name}.py").write_text(text, "utf-8")
+        work_on(tmp_path)
         return tmp_path
 
-    with mock.patch.dict(os.environ):  # which a run changes
-        yield write
+    return write
 
 
 @pytest.fixture(scope="session")

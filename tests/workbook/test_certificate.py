@@ -7,20 +7,20 @@ import pandas as pd
 import pytest
 
 from replication import records
-from replication.files import DataUnavailable, UserError, as_json, write_kept
+from replication.files import DataUnavailable, UserError, as_json, write_files, write_kept
 from workbook import certificate, judging, stamps
-from workbook import project as project_module
 
 NAMES = ("01_one", "02_two")
 VERDICTS = pd.DataFrame(
-    {
-        "id": ["a", "b", "c", "d", "e"],
-        "agreement": ["agrees", "agrees", "agrees", "differs", "not tested"],
-        "weak": ["", "yes", "", "", ""],
-        "source": ["recomputed", "recomputed", judging.CONSISTENT, "recomputed", "stand-in"],
-        "notebook": ["01_one", "02_two", "01_one", "02_two", "02_two"],
-    }
-).set_index("id")
+    [
+        ("agrees", "01_one"),
+        ("agrees weakly", "02_two"),
+        ("consistent", "01_one"),
+        ("differs", "02_two"),
+        ("not tested", "02_two"),
+    ],
+    columns=["grade", "notebook"],
+)
 
 
 def git(folder, *words):
@@ -30,53 +30,42 @@ def git(folder, *words):
 
 def leave(folder, name):
     """What a run of a notebook leaves."""
-    source = folder / "notebooks" / f"{name}.py"
     made = {f"figures/{name}.svg": b"a figure", f"notebooks/{name}.ipynb": b"a notebook"}
-    if name == stamps.REPORT:
-        made, source = {"results/report.md": b"a report"}, None
     said = {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}
-    record = stamps.add_record(said, stamps.digest_code(folder, source), {}, made)
-    record_file = stamps.record_file(folder, name)
-    made[record_file.relative_to(folder).as_posix()] = as_json(record)
-    for each, content in made.items():
-        (folder / each).parent.mkdir(exist_ok=True)
-        (folder / each).write_bytes(content)
-    (folder / ".make").mkdir(exist_ok=True)
-    stamp = stamps.new_stamp(folder, [folder / each for each in made], 12)
-    stamps.stamp_file(folder, name).write_bytes(stamp)
+    code = stamps.digest_code(folder / "notebooks" / f"{name}.py")
+    record = stamps.record_file(name)
+    contents = made | {record: as_json(stamps.add_record(said, code, {}, made))}
+    write_files({folder / each: content for each, content in contents.items()})
+    stamps.stamp_file(name).write_bytes(stamps.new_stamp(record, 12))
 
 
 @pytest.fixture(params=["alone", "inside another repository"])
-def clone(request, project, monkeypatch, tmp_path, authors=None):
-    """A clone of two notebooks and a report that ran here, committed, with a kept table."""
-    project_module.read_settings.cache_clear()
+def clone(request, project, monkeypatch, tmp_path, work_on):
+    """A clone of two notebooks that ran here and a report, committed, with a kept table."""
     folder = project(**dict.fromkeys(NAMES, "# %%\n"))
     if request.param != "alone":
         folder = shutil.copytree(folder, tmp_path / "inner", ignore=lambda *_: ["inner"])
-        (tmp_path / ".gitignore").write_text("/notebooks\n/tools\n/results\n/*.*\n")
+        (tmp_path / ".gitignore").write_text("/notebooks\n/tools\n/results\n/.make\n/*.*\n")
+        work_on(folder)
     (folder / "README.md").write_text("A readme.\n")
     (folder / ".gitignore").write_text(".make\n__pycache__\n")
     (folder / "tools" / "kept.py").write_text("print('x,y')\nprint('1,a')\n")
     write_kept(folder / "results" / "table.csv", pd.DataFrame({"x": [2, 1], "y": ["b", "a"]}))
-    for name in (*NAMES, stamps.REPORT):
+    for name in NAMES:
         leave(folder, name)
+    report = {folder / "results" / "report.md": b"a report\n"}
+    write_files(report)
     git(tmp_path, "init", "-q")
     git(tmp_path, "add", "-A")
     git(tmp_path, "commit", "-q", "-m", "made")
-    monkeypatch.setattr(certificate, "ROOT", folder)
-    monkeypatch.setattr(certificate, "RESULTS", folder / "results")
-    monkeypatch.setattr(certificate, "notebook_sources", lambda: stamps.notebook_sources(folder))
-    monkeypatch.setattr(certificate, "refuse_faults", lambda: stamps.refuse_faults(folder))
-    monkeypatch.setattr(certificate, "list_data", dict)
-    monkeypatch.setattr(judging, "verdicts", lambda results: VERDICTS)
-    settings = stamps.read_settings(folder)
-    monkeypatch.setattr(certificate, "read_settings", lambda root: settings)
+    monkeypatch.setattr(certificate, "make_report", lambda: report)
+    monkeypatch.setattr(judging, "verdicts", lambda: VERDICTS)
     return folder
 
 
 def certified(full=False):
     about = certificate.certify(full)
-    return about, certificate.find_differences(about), certificate.write_certificate(about)
+    return about, about["differences"], certificate.write_certificate(about)
 
 
 def test_where_nothing_ran_nothing_is_certified(clone):
@@ -86,13 +75,12 @@ def test_where_nothing_ran_nothing_is_certified(clone):
 
 
 def test_where_one_notebook_ran_the_others_and_their_numbers_stand_apart(clone):
-    for name in (NAMES[1], stamps.REPORT):
-        stamps.stamp_file(clone, name).unlink()
+    stamps.stamp_file(NAMES[1]).unlink()
     _, differences, page = certified()
-    assert differences == ["02_two: not run here", "report: not run here"]
+    assert differences == ["02_two: not run here"]
     assert "| notebooks run here with this code | 1 of 2, 12 s in sum, " in page
-    assert "| made here and the same | 3 of 3 files that were made here |" in page
-    assert "not made here | table.csv; of what is made, " in page
+    assert "| made here and the same | 4 of 4 files that were made here |" in page
+    assert "not made here | table.csv; of what is made, 4 files were not |" in page
     here = "1 agrees, 0 agrees weakly, 1 consistent, 0 differs, 0 not tested |"
     assert f"| printed numbers, by notebooks run here | {here}" in page
     others = "0 agrees, 1 agrees weakly, 0 consistent, 1 differs, 1 not tested |"
@@ -101,9 +89,11 @@ def test_where_one_notebook_ran_the_others_and_their_numbers_stand_apart(clone):
 
 def test_where_all_ran_to_the_same_bytes_there_is_no_difference(clone):
     about, differences, page = certified()
-    assert (differences, about["changed"], len(about["commit"])) == ([], [], 40)
+    assert differences == []
+    assert "| changed since | nothing |" in page
+    assert len(about["summary"]["commit"]) == 40
     assert "| notebooks run here with this code | 2 of 2, 24 s in sum, 1" in page
-    assert "| made here and the same | 8 of 8 files" in page
+    assert "| made here and the same | 7 of 7 files" in page
     assert "| printed numbers, by committed outcomes | none |" in page
     assert "- no difference\n" in page
 
@@ -113,15 +103,19 @@ def test_after_a_code_change_that_is_committed_nothing_ran_with_this_code(clone)
     git(clone, "add", "-A")
     git(clone, "commit", "-q", "-m", "fewer")
     about, differences, page = certified()
-    assert [f"{name}: not run here with this code" for name in (*NAMES, "report")] == differences[
-        :3
-    ]
-    assert differences[3].startswith("no number is judged: 01_one: made by other code")
+    assert differences[0].startswith("no number is judged: 01_one: made by other code")
+    assert differences[1:] == [f"{name}: not run here with this code" for name in NAMES]
     assert "| notebooks run here with this code | 0 of 2," in page
     assert about["numbers"] == {}
 
 
-CHANGES = ["figures/01_one.svg", "results/table.csv", "notebooks/01_one.ipynb", "tools/more.py"]
+CHANGES = [
+    "figures/01_one.svg",
+    "results/table.csv",
+    "results/report.md",
+    "notebooks/01_one.ipynb",
+    "tools/more.py",
+]
 
 
 @pytest.mark.parametrize("name", CHANGES)
@@ -129,21 +123,13 @@ def test_a_byte_that_changes_is_named(clone, name):
     with (clone / name).open("a") as file:
         file.write(" ")
     about, differences, _ = certified()
-    assert about["changed"] == [name]
+    assert about["summary"]["changed since"] == name
     assert any(line.startswith(f"{name}: ") for line in differences)
 
 
-def test_a_source_that_was_removed_is_named(clone):
-    for name in ("notebooks/02_two.py", "README.md"):
-        (clone / name).unlink()
-    differences = certified()[1]
-    assert "notebooks/02_two.py: changed since" in differences
-    assert "README.md: not as committed" in differences
-
-
 def test_a_notebook_that_lacks_its_data_is_said_and_is_no_difference(clone):
-    lacks = stamps.new_stamp(clone, [], lacks="needs logs")
-    stamps.stamp_file(clone, NAMES[1]).write_bytes(lacks)
+    lacks = stamps.new_stamp(clone, lacks="needs logs")
+    stamps.stamp_file(NAMES[1]).write_bytes(lacks)
     _, differences, page = certified()
     assert differences == []
     assert "- 02_two: not run: needs logs\n" in page
@@ -152,7 +138,10 @@ def test_a_notebook_that_lacks_its_data_is_said_and_is_no_difference(clone):
 @pytest.mark.parametrize(
     ("code", "says"),
     [
-        ("print('x,y')\nprint('1,a')\n", "- results/table.csv: a row: same"),
+        (
+            "import sys\nprint('1,a' if sys.argv[1] == 'table' else '')\n",
+            "- results/table.csv: a row: same",
+        ),
         ("print('x,y')\nprint('1,b')\n", "- results/table.csv: a row made again is another"),
         ("raise SystemExit('no logs')", "- results/table.csv: a row: not made again: no logs"),
     ],
@@ -171,11 +160,10 @@ def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(mon
     def missing(name):
         raise DataUnavailable("no network")
 
+    hooks = {"checksums": records.needed_checksums, "fetch": missing}
+    monkeypatch.setattr(certificate, "find_hook", lambda name, default=None: hooks[name])
+    assert {*certificate.check_data().values()} == {"no network"}
     first = "Speeddata3.xlsx"
-    monkeypatch.setattr(certificate, "find_hook", lambda name: missing)
-    data = certificate._compare_data()
-    assert {each["measured"] for each in data.values()} == {"no network"}
     (tmp_path / first).write_text("other")
-    monkeypatch.setattr(certificate, "find_hook", lambda name: records.authors_file)
-    monkeypatch.setenv("BACKLASH_DATA", str(tmp_path))
-    assert "not the registered one" in certificate._compare_data()[first]["measured"]
+    hooks["fetch"] = lambda name: tmp_path / first
+    assert certificate.check_data()[first] == f"{first} is not the registered one"

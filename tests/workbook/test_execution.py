@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+from unittest.mock import Mock
 
+import joblib
 import nbformat
 import psutil
 import pytest
@@ -59,7 +61,7 @@ def small(folder):
 
 
 def run(folder):
-    return execution.run(small(folder), folder)
+    return execution.run(small(folder))
 
 
 @pytest.mark.slow
@@ -107,7 +109,7 @@ results.mkdir()
     [
         ("1 / 0", "ZeroDivisionError: division by zero"),
         ("time.sleep(60)", "A cell timed out while it was being executed, after 2 seconds.;"),
-        ("os._exit(3)", "the kernel died: it ended itself, with status 3;"),
+        ("os._exit(3)", "the kernel died: status 3;"),
         ("os.kill(os.getpid(), 9)", r"the kernel died: killed: out of memory\?;"),
         ("import warnings\nwarnings.warn('old')", "it says on stderr: .*UserWarning: old"),
         ("os.system('echo some words >&2')", "it says on stderr: some words;"),
@@ -163,46 +165,29 @@ def test_the_advice_takes_the_edits_over_whichever_file_is_newer(project, newer,
 
 
 DAMAGED = {
-    "truncated": '{"cells": [{"cell_type": "code", "source": ["repe',
-    "merge-marked": '{\n<<<<<<< HEAD\n "cells": []\n=======\n "cells": [1]\n>>>>>>> other\n}',
-    "empty": "",
-    "another JSON": "[1, 2]",
+    "truncated": ("ipynb", b'{"cells": [{"cell_type": "code", "source": ["repe', "delete it"),
+    "merge-marked": ("ipynb", b"{\n<<<<<<< HEAD\n=======\n>>>>>>> other\n}", "delete it"),
+    "empty": ("ipynb", b"", "delete it"),
+    "another JSON": ("ipynb", b"[1, 2]", "delete it"),
+    "not in UTF-8": ("py", "# %%\nname = 'größer'\n".encode("latin-1"), "correct it"),
 }
 
 
-@pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED)
-def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, text):
-    folder = project(**{NAME: "# %%\nrepeats = 30\n"})
-    (folder / LEFT[0]).write_text(text, "utf-8")
-    with pytest.raises(UserError, match=r"01_small\.ipynb: no notebook .*; delete it") as refused:
-        run(folder)
-    assert "\n" not in str(refused.value)
-    assert (folder / LEFT[0]).read_text("utf-8") == text
-
-
-def test_a_source_that_is_not_in_utf_8_is_named_in_one_line(project):
-    folder = project(**{NAME: ""})
-    small(folder).write_bytes("# %%\nname = 'größer'\n".encode("latin-1"))
-    with pytest.raises(UserError, match=r"^.*01_small\.py: no notebook .*; correct it$"):
-        run(folder)
-
-
-LEAVES_AN_OUTCOME = """# %%
-import os
-from pathlib import Path
-outcomes = Path(os.environ["REPLICATION_OUT"], "results", "outcomes")
-outcomes.mkdir(parents=True)
-(outcomes / "01_small.json").write_text("{}")
-"""
+@pytest.mark.parametrize(("kind", "content", "advice"), DAMAGED.values(), ids=DAMAGED)
+def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, kind, content, advice):
+    file = project(**{NAME: "# %%\nrepeats = 30\n"}) / "notebooks" / f"{NAME}.{kind}"
+    file.write_bytes(content)
+    with pytest.raises(UserError, match=rf"^.*{NAME}\.{kind}: no notebook .*; {advice}.*$"):
+        execution.run(file.with_suffix(".py"))
+    assert file.read_bytes() == content
 
 
 def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
-    folder = project(**{NAME: LEAVES_AN_OUTCOME})
-    (folder / "results" / "outcomes").touch()  # no folder
-    before = made_in(folder)
-    with pytest.raises(execution.NotebookFailed, match=r"01_small\.py: .*results/outcomes"):
+    folder = project(**{NAME: FAILS})
+    (folder / "results" / "small.csv").mkdir()
+    with pytest.raises(execution.NotebookFailed, match=r"01_small\.py: .*results/small"):
         run(folder)
-    assert made_in(folder) == before
+    assert made_in(folder) == {}
     assert not list(folder.rglob("*.tmp"))
 
 
@@ -224,22 +209,25 @@ def test_files_are_written_all_or_none_and_what_stands_in_the_way_is_named(tmp_p
     assert good.read_bytes() == b"old"
 
 
-@pytest.mark.slow
-def test_a_shared_folder_keeps_its_modes_and_a_new_run_clears_old_staging(project):
-    folder = project(**{NAME: GOOD})
-    old = folder / ".make" / f"{NAME}.staging"
-    old.mkdir(parents=True)
-    run(folder)
-    shared = {folder / "results": 0o2775, folder / "results" / "small.csv": 0o664}
-    for path, mode in shared.items():
-        path.chmod(mode)
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path):
+    (tmp_path / "shared.csv").touch(0o664)
+    (tmp_path / "shared.csv").chmod(0o664)
     mask = os.umask(0o077)
     try:
-        run(folder)
+        write_files({tmp_path / "shared.csv": b"new"})
     finally:
         os.umask(mask)
-    assert [path.stat().st_mode & 0o7777 for path in shared] == [*shared.values()]
+    assert (tmp_path / "shared.csv").stat().st_mode & 0o777 == 0o664
+
+
+def test_a_new_run_clears_old_staging(project, without_kernel):
+    folder = project(**{NAME: "# %%\nrepeats = 30\n"})
+    old = folder / ".make" / f"{NAME}.staging"
+    old.mkdir()
+    (old / "left.csv").touch()
+    run(folder)
     assert not old.exists()
+    assert not (folder / "left.csv").exists()
 
 
 @pytest.mark.slow
@@ -252,7 +240,7 @@ def test_an_interrupted_run_says_one_line_and_leaves_no_kernel(project, tmp_path
     running = subprocess.Popen(
         command,
         cwd=folder,
-        env=without_data() | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -282,19 +270,29 @@ def test_without_the_authors_files_a_notebook_runs_on_our_records_apart_or_not_a
     assert b"our simulated records" in made_in(folder)[f"results/offline/{LEFT[0]}"]
     folder = project(**{NAME: NEEDS.format([])})
     assert "01_small: not run: Speeddata3.xlsx" in run(folder)
-    assert stamps.find_why_due(folder, NAME) == "not run: Speeddata3.xlsx: where?"
+    assert stamps.find_why_due(NAME) == "not run: Speeddata3.xlsx: where?"
 
 
 @pytest.mark.parametrize("name", [f"{NAME}.ipynb", "missing.py"])
 def test_what_is_no_source_of_a_notebook_is_refused(project, name):
     folder = project(**{NAME: GOOD})
     with pytest.raises(UserError, match=r"give the \.py source of a notebook"):
-        execution.run(folder / "notebooks" / name, folder)
+        execution.run(folder / "notebooks" / name)
 
 
-def test_two_notebooks_share_the_cores_and_the_memory():
-    assert [execution.count_workers(cores, 2**40) for cores in (1, 2, 4, 16)] == [1, 1, 2, 8]
-    assert execution.count_workers(16, 2**32) == 4
+def test_two_notebooks_share_the_cores_and_the_memory(tmp_path, monkeypatch):
+    for cores, memory, limit, workers in (
+        (1, 2**40, "max", 1),
+        (4, 2**40, "max", 2),
+        (16, 2**32, "max", 4),
+        (16, 2**40, str(2**31), 2),
+    ):
+        monkeypatch.setattr(joblib, "cpu_count", lambda cores=cores: cores)
+        memory = Mock(available=memory)
+        monkeypatch.setattr(psutil, "virtual_memory", lambda memory=memory: memory)
+        (tmp_path / "limit").write_text(f"{limit}\n")
+        monkeypatch.setattr(execution, "MEMORY_LIMIT", tmp_path / "limit")
+        assert execution.count_workers() == workers
 
 
 LONG = """# %%
@@ -348,9 +346,4 @@ def start_make(folder):
     machine = f"PYTHONPATH={shlex.quote(str(ROOT))} {shlex.quote(sys.executable)} -m workbook"
     run.write_text(f'test "$1" = report || exec env {machine} "$@"\n')
     command = ["make", "all", "RUN=sh run.sh"]
-    return subprocess.Popen(command, cwd=folder, env=without_data(), stderr=subprocess.DEVNULL)
-
-
-def without_data():
-    """The environment of a command that may ask for data."""
-    return {name: value for name, value in os.environ.items() if name != "BACKLASH_DATA"}
+    return subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL)

@@ -58,7 +58,7 @@ def test_its_report_is_written_and_its_first_words_stand_in_the_readme(replicate
 def test_its_rerun_is_certified(replicated):
     folder, said = replicated
     about = json.loads((folder / "verification.json").read_text("utf-8"))
-    assert [run["why"] for run in about["runs"].values()] == ["", ""]
+    assert [run["why"] for run in about["runs"].values()] == [""]
     assert "run/notebooks/01_pendulum.py" in said
     assert "| notebooks run here with this code | 1 of 1," in said
     assert "1 agrees, 0 agrees weakly, 0 consistent, 1 differs, 0 not tested" in said
