@@ -50,16 +50,9 @@ def remake_realisation(row: Row) -> Row:
     return realise(settings[row["protocol"]], row["row"], row["realisation"])
 
 
-def make_starts() -> DataFrame:
-    """Means of Table 2 by starts and searches; the file grows with them."""
-    for table in starts.measure_rows(starts.planned_rows()):
-        write_kept(RESULTS / "table2_starts.csv", table)
-    return table
-
-
 def remake_start(row: Row) -> Row:
     """Thirty fits by one search on a row of Table 2, with the others on it."""
-    rows = starts.measure_row(*(row[key] for key in ("noise", "settings", "start", "table", "row")))
+    rows = starts.measure_row(*(row[key] for key in ("noise", "settings", "table", "start", "row")))
     return next(each for each in rows if each["search"] == row["search"])
 
 
@@ -80,7 +73,9 @@ KEPT = {
     "table2_prediction": Kept(
         "prediction", run_prediction, lambda row: last_row(run_prediction([row["row"]]))
     ),
-    "table2_starts": Kept("starts", make_starts, remake_start),
+    "table2_starts": Kept(
+        "starts", lambda: starts.measure_rows(starts.planned_rows()), remake_start
+    ),
     # The sharpest edge; at a softer one all sharper ones come before it.
     "alpha_refit": Kept(
         "claims", edge.refit_alphas, lambda row: last_row(edge.refit_alphas(row["alpha"]))
