@@ -40,7 +40,7 @@ def remake_noise_error(row: Row) -> Row:
 
 def remake_search(row: Row) -> Row:
     """One run of a search."""
-    job = (row["method"], row["level"], row["realisation"], row["seed"])
+    job = (row["method"], row["realisation"], row["level"], row["seed"])
     return optimizers.run_on_authors_record(*job)
 
 

@@ -63,7 +63,7 @@ def test_classical_methods_cannot_be_applied_if_the_best_of_them_fails_more_ofte
 
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
     kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
-    job = ["method", "level", "realisation", "seed"]
+    job = ["method", "realisation", "level", "seed"]
     jobs = list(kept[job].itertuples(index=False, name=None))
     assert sorted(jobs) == sorted(optimizers.planned_runs())
     assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()
