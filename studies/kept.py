@@ -33,7 +33,7 @@ class Kept(NamedTuple):
 
 def remake_noise_error(row: Row) -> Row:
     """The error of one fit of some turns of a noisy record."""
-    table = experiments.kept_noise_errors([int(row["noise"])])
+    table = experiments.noise_errors_by_turns([int(row["noise"])])
     same = (table["delta_rad"].round(9) == row["delta_rad"]) & (table["turns"] == row["turns"])
     return last_row(table[same])
 
@@ -82,7 +82,7 @@ KEPT = {
     ),
     "noise_by_turns": Kept(
         "claims",
-        lambda: experiments.kept_noise_errors(range(1, experiments.NOISES + 1)),
+        lambda: experiments.noise_errors_by_turns(range(1, experiments.NOISES + 1)),
         remake_noise_error,
     ),
     "optimizers": Kept(

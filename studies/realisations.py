@@ -87,12 +87,9 @@ def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, o
 
 
 def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
-    """The realisations that are kept, under each protocol as many of each of rows 1 to 10: the rows of `realise`."""
+    """The realisations that are kept: the rows of `realise`."""
     check_kept(path)
-    table = pd.read_csv(path)
-    made = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size()
-    whole = made.groupby("protocol").min()
-    return table[table["realisation"] <= table["protocol"].map(whole)]
+    return pd.read_csv(path)
 
 
 def plan_realisation(realisation: int) -> list[tuple[SearchSettings, int, int]]:
@@ -104,13 +101,10 @@ def plan_realisation(realisation: int) -> list[tuple[SearchSettings, int, int]]:
 
 def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> pd.DataFrame:
     """Make Table 2 again so many times under each setting, into a table that grows; it resumes if interrupted."""
-    table = pd.read_csv(path) if path.exists() else pd.DataFrame()
-    made = {(row["protocol"], row["row"], row["realisation"]) for row in table.to_dict("records")}
-    for realisation in range(1, number + 1):
+    rows = pd.read_csv(path).to_dict("records") if path.exists() else []
+    made = {row["realisation"] for row in rows}
+    for realisation in sorted({*range(1, number + 1)} - made):
         plan = plan_realisation(realisation)
-        missing = [each for each in plan if (each[0].protocol, *each[1:]) not in made]
-        rows = Parallel(n_jobs=-1)(delayed(realise)(*each) for each in missing)
-        if rows:
-            table = pd.concat([table, pd.DataFrame(rows)])
-            write_kept(path, table)
-    return table
+        rows += Parallel(n_jobs=-1)(delayed(realise)(*each) for each in plan)
+        write_kept(path, pd.DataFrame(rows))
+    return pd.DataFrame(rows)
