@@ -27,6 +27,7 @@ from replication.table2 import (
 )
 
 REALISATIONS = ROOT / "results" / "table2_realisations.csv"
+PROTOCOLS = {settings.protocol: settings for settings in (*SETTINGS, *DRAWN_STARTS)}
 STUDY_SEED = 2027
 FIRST_SAMPLES = 100  # of which the text draws the start
 NUMBER = 40  # of tables under each setting
@@ -70,14 +71,15 @@ def noisy_records(
     return list(zip(cut, seeds.tolist(), strict=True))
 
 
-def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, object]:
+def realise(protocol: str, row: int, realisation: int) -> dict[str, object]:
     """Make one row of Table 2 again: the mean and SD [rps] over thirty runs, and the best basin's share of them."""
+    settings = PROTOCOLS[protocol]
     records = noisy_records(settings, row, realisation)
     fits = [fit(record, settings, seed) for record, seed in records]
     A = np.array([each.X.A if row == NOISE_ROW else each.amplitude_rps for each in fits])
     in_best = basin_labels(np.array([each.rmse for each in fits])) == 1
     return {
-        "protocol": settings.protocol,
+        "protocol": protocol,
         "realisation": realisation,
         "row": row,
         "mean_A_rps": A.mean(),
@@ -92,11 +94,14 @@ def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
     return pd.read_csv(path)
 
 
-def plan_realisation(realisation: int) -> list[tuple[SearchSettings, int, int]]:
-    """List the settings and rows of one realisation, as `realise` takes them."""
-    rows = (*ROWS, NOISE_ROW) if realisation <= NOISE_ROWS else ROWS
-    plan = [(settings, row, realisation) for settings in SETTINGS for row in rows]
-    return plan + [(settings, row, realisation) for settings in DRAWN_STARTS for row in ROWS]
+def plan_realisation(realisation: int) -> list[tuple[str, int, int]]:
+    """List the protocols and rows of one realisation, as `realise` takes them."""
+    return [
+        (protocol, row, realisation)
+        for protocol, settings in PROTOCOLS.items()
+        for row in (*ROWS, NOISE_ROW)
+        if row in ROWS or (settings.start == WHOLE and realisation <= NOISE_ROWS)
+    ]
 
 
 def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> pd.DataFrame:
