@@ -121,10 +121,3 @@ def test_the_committed_joint_is_identified_from_rough_values(authors_data):
     identified = reidentify_joint()
     assert identified["ratios"] == pytest.approx(committed["ratios"], rel=1e-5)
     assert identified["nrmse"] == pytest.approx(committed["nrmse"], rel=1e-3)
-
-
-def test_the_start_up_tells_when_the_joint_started(authors_data):
-    records = load_clean_records(CLEAN_LEVELS)
-    leads = JOINT.lead + JOINT.period * np.array([-1, 0, 1])
-    assert identify_lead(records, JOINT, leads) == JOINT.lead
-    assert max(np.sqrt(np.mean(e**2)) for e in errors_in_turn(JOINT, records, 1)) < 0.085
