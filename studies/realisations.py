@@ -49,20 +49,25 @@ def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Gener
     return np.broadcast_to(drawn, RUNS)
 
 
-def noisy_records(
-    settings: SearchSettings, row: int, realisation: int
-) -> list[tuple[Recording, int]]:
-    """Draw a noise of the printed amplitude, and of each of a row's thirty fits the record and the seed.
+def draw_record(row: int, rng: np.random.Generator) -> Recording:
+    """A row's clean record with a noise of the printed amplitude.
 
-    No other settings have the same. Row 1's clean record is not public, so our joint's takes its place.
+    Row 1's clean record is not public, so our joint's takes its place.
     """
-    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
     if row == NOISE_ROW:
         clean = constant_speed()
     else:
         level = LEVELS[row - 1]
         clean = simulate_clean(level) if row == 1 else load_clean(level)
-    record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+    return add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+
+
+def noisy_records(
+    settings: SearchSettings, row: int, realisation: int
+) -> list[tuple[Recording, int]]:
+    """Draw a noise, and of each of a row's thirty fits the record and the seed; no other settings have the same."""
+    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
+    record = draw_record(row, rng)
     starts = draw_starts(settings, realisation, rng)
     seeds = rng.integers(1, 2**31, RUNS)
     cut = [from_sample(record, start) for start in starts.tolist()]

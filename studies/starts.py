@@ -20,6 +20,7 @@ searches, which spend what one of a fivefold population does. All searches on a 
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain, product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -28,14 +29,7 @@ from pandas import DataFrame
 
 from replication import published
 from replication.best_fit import best_fit
-from replication.records import (
-    LOW_NOISE,
-    Recording,
-    add_noise,
-    load_clean,
-    load_noisy,
-    simulate_clean,
-)
+from replication.records import LOW_NOISE, Recording, load_noisy
 from replication.table2 import (
     BASIN_GAP,
     LEVELS,
@@ -50,7 +44,7 @@ from replication.table2 import (
 )
 from studies.claims import span
 from studies.multiverse import deviation_percent, printed_table
-from studies.realisations import FIRST_SAMPLES, from_sample
+from studies.realisations import FIRST_SAMPLES, draw_record, from_sample
 
 SEED = 20261129
 TABLES = 8
@@ -58,17 +52,14 @@ SEARCHES = 5  # of which restarts keep the best
 AUTHORS, OWN = "authors'", "own"  # noises
 SINGLE, RESTARTS = "one search", "best of five searches"
 LARGER = (1000, 3000)  # populations
+BY_RMSE = attrgetter("rmse")
 
 
 def draw_row(noise: str, table: int, start: str, row: int) -> tuple[Recording, int, np.ndarray]:
     """A row's record from its start on, that start [samples], and seeds of shape (thirty, five) for its searches."""
-    level = LEVELS[row - 1]
     rng = np.random.default_rng((SEED, *noise.encode(), table, row))
-    if noise == AUTHORS:
-        record = load_noisy(level, table)
-    else:
-        clean = simulate_clean(level) if row == 1 else load_clean(level)
-        record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+    own = noise == OWN
+    record = draw_record(row, rng) if own else load_noisy(LEVELS[row - 1], table)
     drawn = int(rng.integers(FIRST_SAMPLES))
     first_sample = 0 if start == WHOLE else drawn
     seeds = rng.integers(1, 2**31, (RUNS, SEARCHES))
@@ -79,17 +70,20 @@ def search_row(
     record: Recording, settings: SearchSettings, seeds: np.ndarray, others: bool
 ) -> dict[str, list[Fit]]:
     """Thirty fits by one search each, and if asked for by the others, by the name of the search."""
+
+    def fit_with(settings: SearchSettings, seeds: np.ndarray) -> list[Fit]:
+        return [fit(record, settings, int(seed)) for seed in seeds]
+
+    single = fit_with(settings, seeds[:, 0])
     if not others:
-        return {SINGLE: [fit(record, settings, int(seed)) for seed in seeds[:, 0]]}
-    searches = [[fit(record, settings, int(seed)) for seed in of_run] for of_run in seeds]
-    fits = {
-        SINGLE: [of_run[0] for of_run in searches],
-        RESTARTS: [min(of_run, key=lambda each: each.rmse) for of_run in searches],
+        return {SINGLE: single}
+    more = [fit_with(settings, of_run[1:]) for of_run in seeds]
+    larger = {
+        f"population {population}": fit_with(replace(settings, population=population), seeds[:, 0])
+        for population in LARGER
     }
-    for population in LARGER:
-        larger = replace(settings, population=population)
-        fits[f"population {population}"] = [fit(record, larger, int(seed)) for seed in seeds[:, 0]]
-    return fits
+    restarts = [min(first, *rest, key=BY_RMSE) for first, rest in zip(single, more, strict=True)]
+    return {SINGLE: single, RESTARTS: restarts, **larger}
 
 
 def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> list[dict]:
@@ -98,7 +92,7 @@ def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> 
     record, first_sample, seeds = draw_row(noise, table, start, row)
     fits = search_row(record, search_settings, seeds, others=noise == OWN)
     best = best_fit(record, search_settings)
-    lowest = min(chain(*fits.values()), key=lambda each: each.rmse)
+    lowest = min(chain(*fits.values()), key=BY_RMSE)
     if lowest.rmse * (1 + BASIN_GAP) < best.rmse:
         best = lowest
     rows = []
