@@ -190,22 +190,7 @@ def test_a_made_record_has_the_peak_the_rms_and_the_spread_that_it_was_made_with
     assert row["rms_spread"] == pytest.approx(1.01**21 - 1)
     assert row["rms_spread_whole"] == pytest.approx(1.01**23 - 1)
     assert row["alternates"]
-
-
-@pytest.mark.parametrize(
-    ("changes", "failing"),
-    [
-        ({}, set()),
-        ({"sign": 1.0}, {"two_impacts", "half_turn"}),
-        ({"growth": 1.01}, {"same_amplitude"}),
-    ],
-)
-def test_the_claims_on_the_disturbance_fail_for_records_that_contradict_them(changes, failing):
-    records = {delta: ring(delta, **changes) for delta in (3e-4, 5e-4)}
-    measured = claims.measure_disturbance(claims.measure_records(records))
-    assert {claim for claim, holds in verdicts(measured).items() if not holds} == failing
-    shrinking = claims.measure_records(records).assign(peak_rps=[2.0, 1.0], rms_rps=[2.0, 1.0])
-    assert verdicts(claims.measure_disturbance(shrinking))["amplitude_grows"] is None
+    assert not claims.measure_records({5e-4: ring(5e-4, sign=1.0)})["alternates"].any()
 
 
 def test_records_of_the_authors_hold_what_the_text_says_of_them(authors_data):
@@ -216,28 +201,6 @@ def test_records_of_the_authors_hold_what_the_text_says_of_them(authors_data):
 
 
 # ---------------------------------------------------------------------------------------------- verdicts
-
-
-def scale_errors(factor, rows=range(1, 12)):
-    """Our tables with the errors of some rows made larger or smaller."""
-    theoretical = published.column("Table 2", "theoretical")[KEPT["row"] - 1]
-    moved = theoretical + factor * (KEPT["mean_A_rps"] - theoretical)
-    return KEPT.assign(mean_A_rps=KEPT["mean_A_rps"].where(~KEPT["row"].isin(rows), moved))
-
-
-@pytest.mark.parametrize(
-    ("claim", "tables", "holds"),
-    [
-        ("error_below_10_method", scale_errors(0.3), True),
-        ("error_below_10_method", scale_errors(0.7), None),
-        ("quality_decreases", scale_errors(0.01, rows=(8, 9, 10)), False),
-        ("quality_decreases", scale_errors(0.01, rows=(1, 2, 3)), True),
-        ("local_minima", KEPT.assign(best_basin_share=0.9), None),  # the stored runs remain
-        ("local_minima", KEPT.assign(best_basin_share=0.3), False),
-    ],
-)
-def test_a_claim_on_our_tables_moves_with_their_numbers(claim, tables, holds):
-    assert verdicts(claims.measure_table2(tables))[claim] is holds
 
 
 @pytest.mark.parametrize(

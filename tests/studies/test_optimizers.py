@@ -50,14 +50,6 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, swarm, holds):
     assert decide_all(claims.write_all(measured))["cma_beats_swarms"][0] is holds
 
 
-@pytest.mark.parametrize(("found", "holds"), [(0, True), (15, None), (30, False)])
-def test_classical_methods_fail_if_the_best_of_them_fails_more_often_than_not(found, holds):
-    rows = result("simplex", "classical", found) + result("other", "classical", 0)
-    table = optimizers.success_table(pd.DataFrame(rows))
-    measured = {"classical_cannot": claims.measure_classical(table, "classical")}
-    assert decide_all(claims.write_all(measured))["classical_cannot"][0] is holds
-
-
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
     kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
     job = ["method", "realisation", "level", "seed"]
