@@ -7,7 +7,6 @@ Rules and limits stand in `claims.csv`.
 import string
 from collections.abc import Iterable, Mapping
 from itertools import product
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,8 +91,9 @@ CLAIMS = {
     ),
     "error_below_10_method": Claim(
         "{share:100×.0f} % of our {tables} tables have an error above {limit:g} % ({low:100×.0f} to "
-        "{high:100×.0f} % by setting); row {first} in {of_first:100×.0f} %, row {second} in {of_second:100×.0f} %; "
-        "without row 1, whose record is simulated, {public:100×.0f} %"
+        "{high:100×.0f} % by setting); {rows}; "
+        "without row 1, whose record is simulated, {public:100×.0f} %",
+        "row {row} in {share:100×.0f} %",
     ),
     "quality_decreases": Claim(
         "in rad the later row errs more in {rows} of our {tables} tables; in percent row {last} errs more than row "
@@ -224,10 +224,10 @@ def margin(claim: str, compared: Any, criteria: Criteria = None) -> tuple[float,
             ends = np.abs(numbers - limit) / published.half_last_digit(str(limit))
         elif rule == "p below":  # p of the claim, and of its opposite
             ends = np.array([numbers[0] / limit, limit / numbers[1]])
-        elif "bound" in rule or "below" in rule or rule == "at most":
-            ends = numbers / limit
-        else:
+        elif "above" in rule or rule == "at least":
             ends = limit / numbers
+        else:
+            ends = numbers / limit
     return float(ends.min()), float(ends.max())
 
 
@@ -395,10 +395,7 @@ def measure_our_errors(means: DataFrame) -> Numbers:
         "share": of_tables.mean(),
         "tables": len(means),
         "limit": limit,
-        "first": worst.index[0],
-        "of_first": worst.iloc[0],
-        "second": worst.index[1],
-        "of_second": worst.iloc[1],
+        "rows": [{"row": row, "share": share} for row, share in worst.items()],
         "public": above.drop(columns=1).any(axis=1).mean(),
     }
 
@@ -414,20 +411,17 @@ def measure_quality(means: DataFrame) -> Numbers:
     rows = printed_rows()
     errors = np.abs(equation_10(means) - rows["delta_rad"].to_numpy())
     percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
-    pairs = [
+    pairs = pd.Series(
         {
-            "earlier": earlier,
-            "later": later,
-            "share": np.mean(errors[:, later - 1] > errors[:, earlier - 1]),
+            (earlier, later): np.mean(errors[:, later - 1] > errors[:, earlier - 1])
+            for earlier, later in product(rows.index[:END_ROWS], rows.index[-END_ROWS:])
         }
-        for earlier, later in product(rows.index[:END_ROWS], rows.index[-END_ROWS:])
-    ]
-    least, most = (end(pairs, key=itemgetter("share")) for end in (min, max))
+    )
+    ends = DataFrame([pairs.idxmin(), pairs.idxmax()], columns=["earlier", "later"])
     return {
-        "low": least["share"],
-        "high": most["share"],
+        **find_ends(pairs),
         "tables": len(means),
-        "rows": [least, most],
+        "rows": ends.assign(share=[pairs.min(), pairs.max()]).to_dict("records"),
         "first": rows.index[0],
         "last": rows.index[-1],
         "in_percent": np.mean(percent[:, -1] > percent[:, 0]),
