@@ -246,6 +246,11 @@ def measure_turns(ratio):
         ("impacts_at_phase_start", measure_phases(0.2), True),
         ("impacts_at_phase_start", measure_phases(-0.1), False),  # before its phase
         ("impacts_at_phase_start", measure_phases(0.3), False),
+        (
+            "discontinuities_destabilise",
+            claims.measure_discontinuities(STEPPING.assign(error=[0.04, 0.001] * 3)),
+            False,  # the smooth torque errs more
+        ),
         ("turns_reduce_noise", measure_turns(0.5), True),
         ("turns_reduce_noise", measure_turns(0.99), None),  # not surely
         ("turns_reduce_noise", measure_turns(2.0), False),
