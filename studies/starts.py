@@ -58,8 +58,7 @@ BY_RMSE = attrgetter("rmse")
 def draw_row(noise: str, table: int, start: str, row: int) -> tuple[Recording, int, np.ndarray]:
     """A row's record from its start on, that start [samples], and seeds of shape (thirty, five) for its searches."""
     rng = np.random.default_rng((SEED, *noise.encode(), table, row))
-    own = noise == OWN
-    record = draw_record(row, rng) if own else load_noisy(LEVELS[row - 1], table)
+    record = draw_record(row, rng) if noise == OWN else load_noisy(LEVELS[row - 1], table)
     drawn = int(rng.integers(FIRST_SAMPLES))
     first_sample = 0 if start == WHOLE else drawn
     seeds = rng.integers(1, 2**31, (RUNS, SEARCHES))
