@@ -5,7 +5,7 @@ Rules and limits stand in `claims.csv`.
 """
 
 import string
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -33,148 +33,140 @@ Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words 
 class Claim(NamedTuple):
     """How what is measured of a claim is compared and said."""
 
-    compared: tuple[str, ...]  # names of the one or two numbers that its rule takes
     words: str  # `{name:1e3×.2f}` writes a thousand times a number
     row: str = ""  # words for each of `rows`
     between: str = ", "  # them
+    # Names of the one or two numbers that its rule takes.
+    compared: str | tuple[str, str] = ("low", "high")
 
 
 CLAIMS = {
     # The disturbance.
     "two_impacts": Claim(
-        ("share",),
         "in {alternating} of {records} records the largest excursion changes its sign from every settled half turn to "
         "the next",
+        compared="share",
     ),
     "half_turn": Claim(
-        ("largest",),
-        "inverted and half a turn later a record differs from itself by {smallest:100×.1f} to {largest:100×.1f} % of "
+        "inverted and half a turn later a record differs from itself by {low:100×.1f} to {high:100×.1f} % of "
         "its SD",
+        compared="high",
     ),
     "amplitude_grows": Claim(
-        ("smallest", "largest"),
-        "smallest increase from level to level [rps]: {rows}",
-        "{name} {step_rps:.3f}",
+        "smallest increase from level to level [rps]: {rows}", "{name} {step_rps:.3f}"
     ),
     "same_amplitude": Claim(
-        ("settled",),
         "settled half turns differ by up to {settled:100×.1f} % in RMS, with the first turn by up to {whole:100×.1f} %",
+        compared="settled",
     ),
     # The dead zone.
     "stiffness_zero_inside": Claim(
-        ("smallest", "largest"),
         "true in the limit of a large alpha, which is not printed; in mid-gap {rows}; at the edge {at_edge:100×.0f} % "
         "whatever alpha",
-        "{smallest:100×.2g} to {largest:100×.2g} % of K_s at alpha = {alpha} per rad",
+        "{low:100×.2g} to {high:100×.2g} % of K_s at alpha = {alpha} per rad",
     ),
     "no_discontinuity": Claim(
-        ("smallest_nm",), "the torque jumps at zero by {smallest_nm:.2g} to {largest_nm:.2g} N m"
+        "the torque jumps at zero by {low:.2g} to {high:.2g} N m", compared="low"
     ),
     # Equation 10, the encoder.
     "monotone": Claim(
-        ("slope",),
         "the smallest slope from 0 rps on is {slope:1e3×.2g} mrad per rps; it misses Table 2's points by at most "
         "{miss_rad:1e3×.2g} mrad",
+        compared="slope",
     ),
-    "encoder_step": Claim(("step_rad",), "one step of the encoder is {step_rad:1e3×.3g} mrad"),
-    "error_rad_small": Claim(("error_rad",), "{error_rad:.2g} rad at {delta_rad:1e3×.1f} mrad"),
+    "encoder_step": Claim(
+        "one step of the encoder is {step_rad:1e3×.3g} mrad", compared="step_rad"
+    ),
+    "error_rad_small": Claim(
+        "{error_rad:.2g} rad at {delta_rad:1e3×.1f} mrad", compared="error_rad"
+    ),
     "error_rad_large": Claim(
-        ("error_rad",),
         "{error_rad:.2g} rad at {delta_rad:1e3×.1f} mrad, {share:100×.0f} % of the printed number, which may be "
         "meant as a bound",
+        compared="error_rad",
     ),
     # Table 2.
     "error_below_10": Claim(
-        ("percent",), "the largest of the ten printed errors is {percent:.2f} %, in row {row}"
+        "the largest of the ten printed errors is {percent:.2f} %, in row {row}", compared="percent"
     ),
     "error_below_10_method": Claim(
-        ("smallest", "largest"),
-        "{share:100×.0f} % of our {tables} tables have an error above {limit_percent:g} % ({smallest:100×.0f} to "
-        "{largest:100×.0f} % by setting); row {first} in {of_first:100×.0f} %, row {second} in {of_second:100×.0f} %; "
+        "{share:100×.0f} % of our {tables} tables have an error above {limit:g} % ({low:100×.0f} to "
+        "{high:100×.0f} % by setting); {rows}; "
         "without row 1, whose record is simulated, {public:100×.0f} %",
+        "row {row} in {share:100×.0f} %",
     ),
     "quality_decreases": Claim(
-        ("smallest", "largest"),
         "in rad the later row errs more in {rows} of our {tables} tables; in percent row {last} errs more than row "
         "{first} in {in_percent:100×.0f} %",
         "{share:100×.0f} % (row {later} against row {earlier})",
         " to ",
     ),
     "local_minima": Claim(
-        ("smallest", "largest"),
         "runs in the best basin by population: {rows}; {stored_best} of the authors' {stored} stored runs; the paper "
         "prints no population",
         "{share:100×.0f} % ({population})",
     ),
     "noise_proportional": Claim(
-        ("factor",), "noise over A falls from {first:.2f} to {last:.3f}, a factor {factor:.2f}"
+        "noise over A falls from {first:.2f} to {last:.3f}, a factor {factor:.2f}",
+        compared="factor",
     ),
     "random_start": Claim(
-        ("whole_p", "drawn_p"),
         "mean deviation, the start drawn {rows}; whole record p = {p_of_whole}. Drawn under {drawn_settings} of the "
         "{whole_settings} settings",
         "{reading} p = {p}, excluded at {limit:100×g} % by {excluded_by}",
         "; ",
+        compared=("whole_p", "drawn_p"),
     ),
     # The noise.
     "uniform_noise": Claim(
-        ("smallest",),
         "smallest p of {records} records times {tests}: uniform {p_uniform:.2g}, mean {p_mean:.2g}, lag one "
         "{p_lag_one:.2g}; normal noise: at most {p_normal:.1g} uncorrected",
+        compared="low",
     ),
     "no_backlash": Claim(
-        ("low", "high"),
         "95th percentile of |A| over the smallest mean: {percentile:.2f} (95 % interval {low:.2f} to "
         "{high:.2f|no end below 72 records}); it is below {limit:.2g} in {below} of {noises} noise records; "
         "mean |A| {mean_rps:.3f}, largest {largest_rps:.3f} "
-        "rps",
+        "rps"
     ),
     "turns_reduce_noise": Claim(
-        ("low", "high"),
         "error with {many} turns over that with {few} at three backlashes: {rows} (each within a factor {factor:.2f}, "
         "{noises} noises)",
         "{ratio:.2f}",
     ),
     "code_and_data_public": Claim(
-        ("logs",), "of {files} public files {logs} are logs of the bench or of the robots"
+        "of {files} public files {logs} are logs of the bench or of the robots", compared="logs"
     ),
     # The joint and its encoder.
     "impacts_at_phase_start": Claim(
-        ("largest",), "{first:100×.0f} to {last:100×.0f} % of the phase has passed at the impact"
+        "{first:100×.0f} to {last:100×.0f} % of the phase has passed at the impact", compared="high"
     ),
     "depends_on_joint": Claim(
-        ("percent",), "a stiffness a fifth lower changes the settled peak by {percent:.2g} %"
+        "a stiffness a fifth lower changes the settled peak by {percent:.2g} %", compared="percent"
     ),
     "friction_disregarded": Claim(
-        ("smallest_percent", "largest_percent"),
         "on simulated logs frictions of {least:100×.2g} to {most:100×.2g} % of gravity change A by "
-        "{smallest_percent:.1f} to {largest_percent:.0f} %; the friction of the test's joint is not published",
+        "{low:.1f} to {high:.0f} %; the friction of the test's joint is not published"
     ),
     "bits_suffice": Claim(
-        ("change_rps",),
         "{bits} bits change A by up to {change_rps:.2g} rps; the fewest tried that suffice: {fewest}",
+        compared="change_rps",
     ),
     "discontinuities_destabilise": Claim(
-        ("alone", "most"),
         "largest error of the settled peak: {rows}; stability was not measured",
         "{model} {error}",
+        compared=("alone", "most"),
     ),
     # The search.
     "cma_beats_swarms": Claim(
-        ("p_better", "p_worse"),
         "rates of the best basin: CMA-ES {rate:.2f}, {rows}",
         "{swarm} {rate:.2f} (p {p_cma_better:.1g})",
+        compared=("p_better", "p_worse"),
     ),
-    "classical_cannot": Claim(
-        ("low", "high"), "best basin found: {rows}", "{method} {found} of {runs}"
-    ),
-    "classical_prepared": Claim(
-        ("low", "high"), "best basin found: {rows}", "{method} {found} of {runs}"
-    ),
+    "classical_cannot": Claim("best basin found: {rows}", "{method} {found} of {runs}"),
+    "classical_prepared": Claim("best basin found: {rows}", "{method} {found} of {runs}"),
     "little_tuning": Claim(
-        ("low", "high"),
-        "rate of the best basin, {rows}",
-        "{method}: {rate:.2f} ({rate_low:.2f} to {rate_high:.2f})",
+        "rate of the best basin, {rows}", "{method}: {rate:.2f} ({rate_low:.2f} to {rate_high:.2f})"
     ),
 }
 
@@ -206,9 +198,15 @@ def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
     """What the rule of each claim compares, and the words, as `workbook.verdict` takes them."""
     written: dict[str, Measured] = {}
     for claim, numbers in measured.items():
-        compared: Any = tuple(float(numbers[name]) for name in CLAIMS[claim].compared)
-        written[claim] = compared if len(compared) > 1 else compared[0], write_words(claim, numbers)
+        compared: Any = [float(numbers[name]) for name in np.ravel(CLAIMS[claim].compared)]
+        written[claim] = compared, write_words(claim, numbers)
     return written
+
+
+def find_ends(numbers: Iterable[float]) -> dict[str, float]:
+    """The smallest and the largest of some numbers, by the names that most claims compare."""
+    ordered = sorted(numbers)
+    return {"low": ordered[0], "high": ordered[-1]}
 
 
 def span(numbers: pd.Series, form: str) -> str:
@@ -226,10 +224,10 @@ def margin(claim: str, compared: Any, criteria: Criteria = None) -> tuple[float,
             ends = np.abs(numbers - limit) / published.half_last_digit(str(limit))
         elif rule == "p below":  # p of the claim, and of its opposite
             ends = np.array([numbers[0] / limit, limit / numbers[1]])
-        elif "bound" in rule or "below" in rule or rule == "at most":
-            ends = numbers / limit
-        else:
+        elif "above" in rule or rule == "at least":
             ends = limit / numbers
+        else:
+            ends = numbers / limit
     return float(ends.min()), float(ends.max())
 
 
@@ -256,16 +254,16 @@ def measure_records(records: Mapping[float, Recording]) -> DataFrame:
     the SD; `rms_spread`, the largest RMS of a half turn over the smallest, less 1.
     """
     rows = []
-    for delta in sorted(records):
-        halves = half_turns(records[delta])
+    for delta, record in sorted(records.items()):
+        halves = half_turns(record)
         settled = halves[2:]
-        largest = settled[np.arange(len(settled)), np.abs(settled).argmax(axis=1)]
+        is_upward = settled.max(axis=1) > -settled.min(axis=1)  # the largest excursion
         rms = root_mean_square(halves, axis=1)
         row = {
             "delta_rad": delta,
             "peak_rps": settled.max(),
             "rms_rps": root_mean_square(settled),
-            "alternates": (np.sign(largest[1:]) == -np.sign(largest[:-1])).all(),
+            "alternates": np.diff(is_upward).all(),
             "mismatch": root_mean_square(settled[1:] + settled[:-1]) / settled.std(),
             "rms_spread": rms[2:].max() / rms[2:].min() - 1,
             "rms_spread_whole": rms.max() / rms.min() - 1,
@@ -288,12 +286,9 @@ def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
             "alternating": alternates.sum(),
             "records": len(records),
         },
-        "half_turn": {"smallest": records["mismatch"].min(), "largest": records["mismatch"].max()},
-        "amplitude_grows": {
-            "smallest": min(steps.values()),
-            "largest": max(steps.values()),
-            "rows": [{"name": name, "step_rps": step} for name, step in steps.items()],
-        },
+        "half_turn": find_ends(records["mismatch"]),
+        "amplitude_grows": find_ends(steps.values())
+        | {"rows": [{"name": name, "step_rps": step} for name, step in steps.items()]},
         "same_amplitude": {
             "settled": records["rms_spread"].max(),
             "whole": records["rms_spread_whole"].max(),
@@ -304,36 +299,28 @@ def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
 # ------------------------------------------------------------------------------------------ the dead zone
 
 # Sharpness of the edge [1/rad]: the smallest that the records allow (notebook 3), and one that they can't tell from it.
-SHARP_EDGES = (1e5, 1e6)
+SHARP_EDGES = ("1e5", "1e6")
 
 
 def measure_dead_zone(joint: Joint) -> dict[str, Numbers]:
     """What equations 8 and 9 leave in the gap, at Table 2's ten backlashes and `SHARP_EDGES`."""
     rows = []
     for alpha, delta in product(SHARP_EDGES, printed_rows()["delta_rad"]):
-        sharp = joint._replace(alpha=alpha, clamped=False)
+        sharp = joint._replace(alpha=float(alpha), clamped=False)
         before, after = (tau_l(side * 1e-15, 0.0, delta, side, sharp) for side in (-1, 1))
-        row = {
-            "alpha": alpha,
-            "at_edge": K_BL(delta, delta, joint.K_s, alpha) / joint.K_s,
-            "in_middle": K_BL(0.0, delta, joint.K_s, alpha) / joint.K_s,
-            "jump_nm": before - after,
-        }
-        rows.append(row)
-    gaps = DataFrame(rows)
-    middle = gaps.groupby("alpha")["in_middle"].agg(smallest="min", largest="max").reset_index()
-    middle["alpha"] = [f"{alpha:.0e}".replace("e+0", "e") for alpha in middle["alpha"]]
+        at_edge, in_middle = (
+            K_BL(gap, delta, joint.K_s, sharp.alpha) / joint.K_s for gap in (delta, 0.0)
+        )
+        rows.append((alpha, at_edge, in_middle, before - after))
+    gaps = DataFrame(rows, columns=["alpha", "at_edge", "in_middle", "jump_nm"])
+    by_alpha = gaps.groupby("alpha")["in_middle"]
     return {
         "stiffness_zero_inside": {
-            "smallest": gaps["in_middle"].min(),
-            "largest": gaps["in_middle"].max(),
+            **find_ends(gaps["in_middle"]),
             "at_edge": gaps["at_edge"].min(),
-            "rows": middle.to_dict("records"),
+            "rows": [{"alpha": alpha, **find_ends(middle)} for alpha, middle in by_alpha],
         },
-        "no_discontinuity": {
-            "smallest_nm": gaps["jump_nm"].min(),
-            "largest_nm": gaps["jump_nm"].max(),
-        },
+        "no_discontinuity": find_ends(gaps["jump_nm"]),
     }
 
 
@@ -397,28 +384,18 @@ def measure_printed_errors() -> Numbers:
     return {"percent": errors.max(), "row": errors.idxmax()}
 
 
-def share_by_setting(met: pd.Series) -> dict[str, float]:
-    """The share of our tables that meet something: of all, and the smallest and largest of the settings."""
-    of_settings = met.groupby("protocol").mean()
-    return {
-        "share": met.mean(),
-        "tables": len(met),
-        "smallest": of_settings.min(),
-        "largest": of_settings.max(),
-    }
-
-
 def measure_our_errors(means: DataFrame) -> Numbers:
     """The share of our tables that have an error above the paper's 10 %, from means [rps], a row a table."""
     limit = published.criterion("error_below_10")
     above = relative_error_percent(means, printed_rows()["theoretical"]) > limit
     worst = above.mean().nlargest(2)
-    return share_by_setting(above.any(axis=1)) | {
-        "limit_percent": limit,
-        "first": worst.index[0],
-        "of_first": worst.iloc[0],
-        "second": worst.index[1],
-        "of_second": worst.iloc[1],
+    of_tables = above.any(axis=1)
+    return {
+        **find_ends(of_tables.groupby("protocol").mean()),
+        "share": of_tables.mean(),
+        "tables": len(means),
+        "limit": limit,
+        "rows": [{"row": row, "share": share} for row, share in worst.items()],
         "public": above.drop(columns=1).any(axis=1).mean(),
     }
 
@@ -434,21 +411,19 @@ def measure_quality(means: DataFrame) -> Numbers:
     rows = printed_rows()
     errors = np.abs(equation_10(means) - rows["delta_rad"].to_numpy())
     percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
-    numbers = rows.index
-    pairs = DataFrame(
-        [
-            (earlier, later, np.mean(errors[:, later - 1] > errors[:, earlier - 1]))
-            for earlier, later in product(numbers[:END_ROWS], numbers[-END_ROWS:])
-        ],
-        columns=["earlier", "later", "share"],
-    ).sort_values("share")
+    pairs = pd.Series(
+        {
+            (earlier, later): np.mean(errors[:, later - 1] > errors[:, earlier - 1])
+            for earlier, later in product(rows.index[:END_ROWS], rows.index[-END_ROWS:])
+        }
+    )
+    ends = DataFrame([pairs.idxmin(), pairs.idxmax()], columns=["earlier", "later"])
     return {
-        "smallest": pairs["share"].iloc[0],
-        "largest": pairs["share"].iloc[-1],
+        **find_ends(pairs),
         "tables": len(means),
-        "rows": pairs.iloc[[0, -1]].to_dict("records"),
-        "first": numbers[0],
-        "last": numbers[-1],
+        "rows": ends.assign(share=[pairs.min(), pairs.max()]).to_dict("records"),
+        "first": rows.index[0],
+        "last": rows.index[-1],
         "in_percent": np.mean(percent[:, -1] > percent[:, 0]),
     }
 
@@ -461,8 +436,7 @@ def measure_local_minima(realisations: DataFrame) -> Numbers:
     ends = published.table("authors_notebook_runs")["final_rmse_rps"]
     in_best = basin_labels(ends.to_numpy()) == 1
     return {
-        "smallest": min(shares.min(), in_best.mean()),
-        "largest": max(shares.max(), in_best.mean()),
+        **find_ends([*shares, in_best.mean()]),
         "stored_best": in_best.sum(),
         "stored": in_best.size,
         "rows": shares.rename("share").reset_index().to_dict("records"),
@@ -485,7 +459,7 @@ def measure_uniform_noise(tests: DataFrame) -> Numbers:
     p = tests[["p_uniform", "p_mean", "p_lag_one"]]
     corrected = (p.min() * p.size).clip(upper=1.0)
     return corrected.to_dict() | {
-        "smallest": corrected.min(),
+        "low": corrected.min(),
         "records": len(p),
         "tests": p.size,
         "p_normal": tests["p_normal"].max(),
@@ -544,16 +518,14 @@ def measure_impacts(phases: DataFrame) -> Numbers:
     """The largest share of its phase that has passed at an impact, from `experiments.impact_phases`."""
     passed = phases["share_passed"]
     # What comes before its phase comes at the end of the one before.
-    return {"largest": (passed % 1).max(), "first": passed.min(), "last": passed.max()}
+    return {"high": (passed % 1).max(), "first": passed.min(), "last": passed.max()}
 
 
 def measure_friction(study: DataFrame) -> Numbers:
     """The smallest and the largest change of A by friction, from `experiments.friction_study`."""
     rubbed = study[study["friction"] > 0]
-    changes = rubbed["change_percent"].abs()
     return {
-        "smallest_percent": changes.min(),
-        "largest_percent": changes.max(),
+        **find_ends(rubbed["change_percent"].abs()),
         "least": rubbed["friction"].min(),
         "most": rubbed["friction"].max(),
     }
@@ -562,10 +534,9 @@ def measure_friction(study: DataFrame) -> Numbers:
 def measure_bits(study: DataFrame, bits: int) -> Numbers:
     """The largest change of A by an encoder of so many bits, from `experiments.bits_study`."""
     largest = study.groupby("bits")["change_rps"].max()
-    limit = published.criterion("bits_suffice")
-    enough = [each for each in largest.index if (largest.loc[each:] < limit).all()]
-    fewest = min(enough, default="none")
-    return {"bits": bits, "change_rps": largest[bits], "fewest": fewest}
+    at_most = largest[::-1].cummax()  # by so many bits or more
+    enough = at_most.index[at_most < published.criterion("bits_suffice")]
+    return {"bits": bits, "change_rps": largest[bits], "fewest": min(enough, default="none")}
 
 
 def measure_discontinuities(study: DataFrame) -> Numbers:

@@ -6,12 +6,13 @@ them: behaviour decides whether a kept table is still what today's code makes. I
 
 import sys
 from collections.abc import Callable
+from inspect import signature
+from io import BytesIO
 from typing import Any, NamedTuple
 
-from pandas import DataFrame, read_csv
+from pandas import DataFrame, concat, read_csv
 
 from replication.files import ROOT, UserError, as_csv, write_json, write_kept, write_text
-from replication.table2 import DRAWN_STARTS, SETTINGS
 from studies import datasheet, edge, engine, experiments, hardware, optimizers, refusals, starts
 from studies.datasheet import summarise, summarise_engine
 from studies.identification import reidentify_joint
@@ -19,96 +20,44 @@ from studies.prediction import run_prediction
 from studies.realisations import make_realisations, realise
 
 RESULTS = ROOT / "results"
-Row = dict[str, Any]
 
 
 class Kept(NamedTuple):
-    """A table's study, what makes it, and what makes one row of it again, from the values that say which row it is."""
+    """A table's study, what makes it, and what makes rows of it again, from the columns that its arguments name."""
 
     study: str
     make: Callable[[], DataFrame]
-    remake: Callable[[Row], Row]
+    remake: Callable[..., Any]  # gives a row, or some, among which it is
     first: int = 0  # position of the row that each test run makes again
 
 
-def remake_noise_error(row: Row) -> Row:
-    """The error of one fit of some turns of a noisy record."""
-    table = experiments.kept_noise_errors([int(row["noise"])])
-    same = (table["delta_rad"].round(9) == row["delta_rad"]) & (table["turns"] == row["turns"])
-    return last_row(table[same])
-
-
-def remake_search(row: Row) -> Row:
-    """One run of a search."""
-    job = (row["method"], row["level"], row["realisation"], row["seed"])
-    return optimizers.run_on_authors_record(*job)
-
-
-def remake_realisation(row: Row) -> Row:
-    """Thirty runs of a row of Table 2 on one noise."""
-    settings = {each.protocol: each for each in (*SETTINGS, *DRAWN_STARTS)}
-    return realise(settings[row["protocol"]], row["row"], row["realisation"])
-
-
-def make_starts() -> DataFrame:
-    """Means of Table 2 by starts and searches; the file grows with them."""
-    for table in starts.measure_rows(starts.planned_rows()):
-        write_kept(RESULTS / "table2_starts.csv", table)
-    return table
-
-
-def remake_start(row: Row) -> Row:
-    """Thirty fits by one search on a row of Table 2, with the others on it."""
-    rows = starts.measure_row(*(row[key] for key in ("noise", "settings", "start", "table", "row")))
-    return next(each for each in rows if each["search"] == row["search"])
-
-
-def remake_rule(row: Row) -> Row:
-    """What a rule of reading refuses."""
-    table = refusals.measure_all()
-    return last_row(table[table["rule"] == row["rule"]])
-
-
-def last_row(table: DataFrame) -> Row:
-    """The last row of a table."""
-    row: Row = table.iloc[-1].to_dict()
-    return row
-
-
 KEPT = {
-    "table2_realisations": Kept("realisations", make_realisations, remake_realisation),
-    "table2_prediction": Kept(
-        "prediction", run_prediction, lambda row: last_row(run_prediction([row["row"]]))
+    "table2_realisations": Kept("realisations", make_realisations, realise),
+    "table2_prediction": Kept("prediction", run_prediction, lambda row: run_prediction([row])),
+    "table2_starts": Kept(
+        "starts", lambda: starts.measure_rows(starts.planned_rows()), starts.measure_row
     ),
-    "table2_starts": Kept("starts", make_starts, remake_start),
     # The sharpest edge; at a softer one all sharper ones come before it.
-    "alpha_refit": Kept(
-        "claims", edge.refit_alphas, lambda row: last_row(edge.refit_alphas(row["alpha"]))
-    ),
+    "alpha_refit": Kept("claims", edge.refit_alphas, lambda alpha: edge.refit_alphas(alpha)),
     "noise_by_turns": Kept(
         "claims",
-        lambda: experiments.kept_noise_errors(range(1, experiments.NOISES + 1)),
-        remake_noise_error,
+        lambda: experiments.noise_errors_by_turns(range(1, experiments.NOISES + 1)),
+        lambda noise: experiments.noise_errors_by_turns([noise]),
     ),
     "optimizers": Kept(
-        "claims", lambda: optimizers.run_jobs(optimizers.planned_runs()), remake_search
+        "claims",
+        lambda: optimizers.run_jobs(optimizers.planned_runs()),
+        optimizers.run_on_authors_record,
     ),
     "datasheet": Kept(
         "datasheet",
         lambda: summarise(datasheet.measure_all()),
-        lambda row: last_row(summarise(datasheet.measure_all([row["population"]]))),
+        lambda population: summarise(datasheet.measure_all([population])),
         -1,
     ),
-    "hardware": Kept(
-        "hardware", hardware.measure_all, lambda row: hardware.measure_log(row["log"])
-    ),
-    "refusals": Kept("refusals", refusals.measure_all, remake_rule),
-    "engine": Kept(
-        "engine",
-        engine.measure_all,
-        lambda row: engine.measure_log(row["population"], row["number"]),
-        3,
-    ),
+    "hardware": Kept("hardware", hardware.measure_all, lambda log: hardware.measure_log(log)),
+    "refusals": Kept("refusals", refusals.measure_all, refusals.measure_all),
+    "engine": Kept("engine", engine.measure_all, engine.measure_log, 3),
 }
 STUDIES = sorted({"identify-joint", *(kept.study for kept in KEPT.values())})
 TIMED = ("peers", "notebook_times")  # seconds, of a day and a machine, by `make bench`
@@ -130,10 +79,21 @@ def write_study(study: str) -> None:
 
 
 def remake(name: str, positions: list[int]) -> bytes:
-    """Make rows of a kept table again, as CSV."""
-    table = read_csv(RESULTS / f"{name}.csv")
-    rows = [KEPT[name].remake(table.iloc[position].to_dict()) for position in positions]
-    return as_csv(DataFrame(rows).reindex(columns=table.columns))
+    """Make rows of a kept table again, as CSV: of each row that is made the one that is most like the kept one."""
+    table = read_csv(RESULTS / f"{name}.csv").astype(object)
+    function = KEPT[name].remake
+    arguments = table.columns.intersection([*signature(function).parameters])
+    rows = []
+    for position in positions:
+        made = function(**table.loc[table.index[position], arguments].to_dict())
+        frame = DataFrame([made] if isinstance(made, dict) else made)
+        again, kept = (
+            read_csv(BytesIO(as_csv(each)), dtype=str, na_filter=False)
+            for each in (frame.reindex(columns=table.columns), table.iloc[[position]])
+        )
+        most_like = (again == kept.loc[0]).sum(axis=1).idxmax()
+        rows.append(again.loc[[most_like]])
+    return as_csv(concat(rows))
 
 
 if __name__ == "__main__":

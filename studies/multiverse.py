@@ -10,18 +10,16 @@ may stand in a table, so the printed score is ranked among tables recombined row
 or the start, it is ranked among the whole tables. If the printed table is one of ours, either p is uniform.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from replication import published
 from replication.signature import FloatArray
-from replication.table2 import DRAWN, DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
+from replication.table2 import DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
 from studies.claims import Numbers, span
 from studies.intervals import prediction_interval
 
@@ -44,42 +42,33 @@ WHY = {
 
 def count_inside(printed: FloatArray, ours: FloatArray) -> float:
     """How many printed numbers, shape (rows, 1), lie in the intervals of ours, (rows, N); nan if N is too small."""
-    ends = np.array([prediction_interval(row) for row in ours])
-    if not np.isfinite(ends).all():
-        return np.nan
-    return float(((ends[:, 0] <= printed[:, 0]) & (printed[:, 0] <= ends[:, 1])).sum())
+    low, high = np.array([prediction_interval(row) for row in ours]).T[..., None]
+    is_inside = (low <= printed) & (printed <= high)
+    return float(is_inside.sum()) if np.isfinite(low).all() else np.nan
 
 
 # --------------------------------------------------------------------------------------------------- whole tables
 
+# Numbers that are tested together, by name, each of shape (rows, N tables): means of A over theoretical A, SDs [rps].
+Tables = dict[str, FloatArray]
 
-class Tables(NamedTuple):
-    """Means of A over theoretical A, and SDs of A [rps], of N tables, each of shape (10, N)."""
 
-    ratios: FloatArray
-    sds: FloatArray
-
-    def numbers(self) -> dict[str, FloatArray]:
-        """The numbers that are tested together, by name."""
-        return {"means": self.ratios, "SDs": self.sds, "SDs of rows 1 to 9": self.sds[:9]}
+def _name_numbers(means: FloatArray, sds: FloatArray) -> Tables:
+    ratios = means / published.column("Table 2", "theoretical")[: len(ROWS), None]
+    return {"means": ratios, "SDs": sds, "SDs of rows 1 to 9": sds[:9]}
 
 
 def printed_table() -> Tables:
     """Table 2 as it is printed: N is 1."""
-    mean, sd, theoretical = (
-        published.column("Table 2", name)[: len(ROWS), None]
-        for name in ("mean", "sd", "theoretical")
-    )
-    return Tables(mean / theoretical, sd)
+    columns = (published.column("Table 2", name) for name in ("mean", "sd"))
+    return _name_numbers(*(column[: len(ROWS), None] for column in columns))
 
 
 def arrange_tables(realisations: pd.DataFrame) -> Tables:
     """Arrange the rows of `realisations.read_realisations` as whole tables."""
     of_rows = realisations[realisations["row"].isin(ROWS)]
-    made = ["protocol", "realisation"]
-    wide = of_rows.pivot(index="row", columns=made, values=["mean_A_rps", "sd_A_rps"])
-    theoretical = published.column("Table 2", "theoretical")[: len(ROWS), None]
-    return Tables(wide["mean_A_rps"].to_numpy() / theoretical, wide["sd_A_rps"].to_numpy())
+    wide = of_rows.pivot(index="row", columns=["protocol", "realisation"])
+    return _name_numbers(wide["mean_A_rps"].to_numpy(), wide["sd_A_rps"].to_numpy())
 
 
 def squared_logs(numbers: FloatArray) -> FloatArray:
@@ -95,11 +84,6 @@ def rank_scores(numbers: FloatArray) -> FloatArray:
     return -2 * np.log(np.minimum(1, 2 * np.minimum(below, above) / numbers.shape[1]))
 
 
-def relative_errors(ratios: FloatArray) -> FloatArray:
-    """|mean of A over theoretical A - 1|."""
-    return np.abs(ratios - 1)
-
-
 class Score(NamedTuple):
     """What a test compares: a number for each row of a table, and how a table's numbers become one."""
 
@@ -107,44 +91,27 @@ class Score(NamedTuple):
     combine: Callable[..., FloatArray]  # along an axis
     two_sided: bool = False
 
-    def of_tables(self, numbers: FloatArray) -> FloatArray:
-        """Score N tables, numbers of shape (rows, N)."""
-        return self.combine(self.of_rows(numbers), axis=0)
-
 
 MEAN_DEVIATION = "mean deviation"
-SCORES_OF_MEANS = {
-    "squares": Score(squared_logs, np.sum),
-    "ranks": Score(rank_scores, np.sum),
+OF_BOTH = {"squares": Score(squared_logs, np.sum), "ranks": Score(rank_scores, np.sum)}
+SCORES_OF_MEANS = OF_BOTH | {
     MEAN_DEVIATION: Score(lambda ratios: ratios - 1, np.mean, two_sided=True),
-    "largest error": Score(relative_errors, np.max, two_sided=True),
+    "largest error": Score(lambda ratios: np.abs(ratios - 1), np.max, two_sided=True),
 }
-SCORES_OF_SDS = {
-    "squares": Score(squared_logs, np.sum),
-    "ranks": Score(rank_scores, np.sum),
-    "mean logarithm": Score(np.log, np.mean, two_sided=True),
-}
-
-
-@cache
-def _draw_tables(rows: int, tables: int, draws: int) -> NDArray[np.int64]:
-    """Of recombined tables, which table each row is taken from."""
-    return np.random.default_rng(1).integers(tables, size=(rows, draws))
-
-
-def recombine(rows: FloatArray, combine: Callable[..., FloatArray]) -> FloatArray:
-    """Score `DRAWS` tables that are put together of rows drawn independently; their scores have shape (rows, N)."""
-    chosen = _draw_tables(*rows.shape, DRAWS)
-    return combine(np.take_along_axis(rows, chosen, axis=1), axis=0)
+SCORES_OF_SDS = OF_BOTH | {"mean logarithm": Score(np.log, np.mean, two_sided=True)}
 
 
 def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
     """Share of tables whose score is as extreme as each of N, numbers of shape (rows, N): its p as one of them.
 
-    The share is of tables recombined row by row and itself, or of the N whole tables.
+    The share is of `DRAWS` tables that are put together of rows drawn independently, and itself; or of the N whole
+    tables.
     """
-    statistics = score.of_tables(numbers)
-    null = recombine(score.of_rows(numbers), score.combine) if by_rows else statistics
+    of_rows = score.of_rows(numbers)
+    statistics = null = score.combine(of_rows, axis=0)
+    if by_rows:
+        chosen = np.random.default_rng(1).integers(numbers.shape[1], size=(len(numbers), DRAWS))
+        null = score.combine(np.take_along_axis(of_rows, chosen, axis=1), axis=0)
     itself = int(by_rows)
     rounding = 1e-9 * np.maximum(1, np.abs(statistics))
     ranked = np.sort(null)
@@ -159,23 +126,20 @@ def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
 
 def split_protocols(realisations: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
     """Yield start, settings and their realisations: of each start all settings together, then one by one."""
-    for start in (WHOLE, *DRAWN):
+    for start in STARTS:
         alone = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
-        together = [each.protocol for each in alone]
-        yield start, TOGETHER, realisations[realisations["protocol"].isin(together)]
-        for each in alone:
-            yield start, each.name, realisations[realisations["protocol"] == each.protocol]
+        for settings, parts in [(TOGETHER, alone), *((each.name, [each]) for each in alone)]:
+            protocols = [each.protocol for each in parts]
+            yield start, settings, realisations[realisations["protocol"].isin(protocols)]
 
 
-def make_multiverse(realisations: pd.DataFrame, printed: Tables | None = None) -> pd.DataFrame:
+def make_multiverse(realisations: pd.DataFrame) -> pd.DataFrame:
     """Test the printed table against ours in all choices of start, settings, numbers and score.
 
     Parameters
     ----------
     realisations : DataFrame
         `realisations.read_realisations`.
-    printed : Tables, optional
-        A table to test in place of the printed one.
 
     Returns
     -------
@@ -186,25 +150,22 @@ def make_multiverse(realisations: pd.DataFrame, printed: Tables | None = None) -
         interval", `inside`, how many printed numbers lie in the 95 % prediction intervals.
     """
     rows: list[dict[str, object]] = []
-    expected = (printed or printed_table()).numbers()
+    expected = printed_table()
     for start, settings, part in split_protocols(realisations):
         by_rows = settings != TOGETHER and start != "per table"
-        for name, ours in arrange_tables(part).numbers().items():
-            key = {"start": start, "settings": settings, "tables": ours.shape[1], "numbers": name}
+        for name, ours in arrange_tables(part).items():
+            N = ours.shape[1]
+            key = {"start": start, "settings": settings, "tables": N, "numbers": name}
             rows.append(key | {"score": INSIDE, "inside": count_inside(expected[name], ours)})
             for label, score in (SCORES_OF_MEANS if name == "means" else SCORES_OF_SDS).items():
-                p = p_values(score, np.hstack([expected[name], ours]), by_rows)[0]
-                finest = 1 + (DRAWS if by_rows else ours.shape[1])
-                rows.append(
-                    key
-                    | {
-                        "score": label,
-                        "by": "rows" if by_rows else "tables",
-                        "p": p,
-                        "least_p": (1 + score.two_sided) / finest,
-                        "false_alarms": np.mean(p_values(score, ours, by_rows) < LEVEL),
-                    }
-                )
+                tested = {
+                    "score": label,
+                    "by": "rows" if by_rows else "tables",
+                    "p": p_values(score, np.hstack([expected[name], ours]), by_rows)[0],
+                    "least_p": (1 + score.two_sided) / (1 + (DRAWS if by_rows else N)),
+                    "false_alarms": np.mean(p_values(score, ours, by_rows) < LEVEL),
+                }
+                rows.append(key | tested)
     return pd.DataFrame(rows)
 
 
@@ -212,48 +173,38 @@ def make_multiverse(realisations: pd.DataFrame, printed: Tables | None = None) -
 
 
 class Rejections(NamedTuple):
-    """How many tests of one kind reject the printed table at 5 %, and the ends of their p."""
+    """How many tests of one kind reject the printed table at 5 %."""
 
     tests: int
     rejected: int
-    smallest: float
-    largest: float
 
 
 def count_rejections(multiverse: pd.DataFrame, start: str, numbers: str) -> Rejections:
     """Count what rejects means or SDs under a start, of the tests that have tables enough to reject."""
     of_start = (multiverse["start"] == start) & (multiverse["numbers"] == numbers)
     p = multiverse.loc[of_start & (multiverse["least_p"] < LEVEL), "p"]
-    return Rejections(p.size, int((p < LEVEL).sum()), float(p.min()), float(p.max()))
-
-
-def largest_p(multiverse: pd.DataFrame, start: str, limit: float) -> pd.Series:
-    """Largest p of each score under a start, by numbers and score, of the tests that have tables enough for the limit.
-
-    Below the limit the score excludes the start under all its settings; nan where no test has tables enough.
-    """
-    whole = multiverse["numbers"].isin(["means", "SDs"]) & (multiverse["score"] != INSIDE)
-    of_start = multiverse[whole & (multiverse["start"] == start)]
-    enough = of_start["p"].where(of_start["least_p"] < limit)
-    return enough.groupby([of_start["numbers"], of_start["score"]], sort=False).max()
+    return Rejections(p.size, int((p < LEVEL).sum()))
 
 
 def name_exclusions(multiverse: pd.DataFrame, start: str, limit: float) -> str:
-    """Say which scores exclude a start under all its settings: "the means' largest error, the SDs' ranks"."""
-    p = largest_p(multiverse, start, limit)
-    excluding = p.index[p < limit]
+    """Say which scores exclude a start under all its settings: "the means' largest error, the SDs' ranks".
+
+    They do where the largest p, of the tests that have tables enough for the limit, is below it.
+    """
+    tests = multiverse[
+        multiverse["numbers"].isin(["means", "SDs"]) & (multiverse["start"] == start)
+    ]
+    tests = tests[tests["score"] != INSIDE]
+    enough = tests["p"].where(tests["least_p"] < limit)
+    p = enough.groupby([tests["numbers"], tests["score"]], sort=False).max()
+    excluding = p.index[p < limit].to_frame(index=False)
     if p.isna().all():
         return f"none, because so few tables give no p below {limit:g}"
-    if excluding.empty or len(excluding) == len(p):
-        return f"all {len(p)} scores" if len(excluding) else f"none of {len(p)} scores"
-    by_numbers = excluding.to_frame(index=False).groupby("numbers", sort=False)["score"]
-    return ", ".join(f"the {numbers}' {_list(scores)}" for numbers, scores in by_numbers)
-
-
-def _list(names: Iterable[str]) -> str:
-    """Write names as "a, b and c"."""
-    *others, last = names
-    return f"{', '.join(others)} and {last}" if others else last
+    if len(excluding) in (0, len(p)):
+        return f"{'all' if len(excluding) else 'none of'} {len(p)} scores"
+    by_numbers = excluding.groupby("numbers", sort=False)["score"].agg(", ".join)
+    listed = by_numbers.str.replace(r", (?=[^,]*$)", " and ", regex=True)
+    return ", ".join(f"the {numbers}' {scores}" for numbers, scores in listed.items())
 
 
 READINGS = {
@@ -270,23 +221,24 @@ def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria 
     """
     limit = published.criterion("random_start", criteria)
     alone = multiverse[multiverse["settings"] != TOGETHER]
-    settings = alone.groupby("start")["settings"].nunique()
-    deviation = alone[alone["score"] == MEAN_DEVIATION].groupby("start")["p"].agg(["min", "max"])
-    compared = {"whole_p": deviation.loc[WHOLE, "max"]}
-    compared["drawn_p"] = deviation.loc[[*READINGS], "max"].max()
-    if max(compared.values()) < limit:
-        compared = dict.fromkeys(compared, np.nan)
+    by_start = alone[alone["score"] == MEAN_DEVIATION].groupby("start")["p"]
+    p = by_start.agg(["min", "max"])
+    settings = by_start.size()
+    whole_p, drawn_p = p.loc[WHOLE, "max"], p.loc[[*READINGS], "max"].max()
+    both_excluded = max(whole_p, drawn_p) < limit
     rows = [
         {
             "reading": reading,
-            "p": span(deviation.loc[start], ".1g"),
+            "p": span(p.loc[start], ".1g"),
             "limit": limit,
             "excluded_by": name_exclusions(multiverse, start, limit),
         }
         for start, reading in READINGS.items()
     ]
-    return compared | {
-        "p_of_whole": span(deviation.loc[WHOLE], ".1g"),
+    return {
+        "whole_p": np.nan if both_excluded else whole_p,
+        "drawn_p": np.nan if both_excluded else drawn_p,
+        "p_of_whole": span(p.loc[WHOLE], ".1g"),
         "whole_settings": settings[WHOLE],
         "drawn_settings": settings[[*READINGS]].max(),
         "rows": rows,
@@ -306,30 +258,26 @@ def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
     """
     printed = printed_table()
     names = {settings.name for settings in DRAWN_STARTS}
-    rows = []
+    rows = {}
     for start in STARTS:
-        same = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
         parts = [
-            arrange_tables(realisations[realisations["protocol"] == settings.protocol])
-            for settings in same
-            if settings.name in names
+            part
+            for of, settings, part in split_protocols(realisations)
+            if of == start and settings in names
         ]
-        ours = Tables(*(np.hstack(numbers) for numbers in zip(*parts, strict=True)))
-        off = [deviation_percent(part.ratios).mean() for part in parts]
-        rows.append(
-            {
-                "start": start,
-                "tables": ours.ratios.shape[1],
-                "settings": len(parts),
-                "means_inside": count_inside(printed.ratios, ours.ratios),
-                "sds_inside": count_inside(printed.sds, ours.sds),
-                "deviation_percent": np.mean(off),
-                "smallest_percent": min(off),
-                "largest_percent": max(off),
-                "reaching": int((ours.ratios.mean(axis=0) >= printed.ratios.mean()).sum()),
-            }
-        )
-    return pd.DataFrame(rows).set_index("start")
+        ours = arrange_tables(pd.concat(parts))
+        off = [deviation_percent(arrange_tables(part)).mean() for part in parts]
+        rows[start] = {
+            "tables": ours["means"].shape[1],
+            "settings": len(parts),
+            "means_inside": count_inside(printed["means"], ours["means"]),
+            "sds_inside": count_inside(printed["SDs"], ours["SDs"]),
+            "deviation_percent": np.mean(off),
+            "smallest_percent": min(off),
+            "largest_percent": max(off),
+            "reaching": int((deviation_percent(ours) >= deviation_percent(printed)).sum()),
+        }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("start")
 
 
 def describe_intervals(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
@@ -349,15 +297,15 @@ def describe_intervals(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
             "all": len(rows),
             "agree": int(agrees.sum()),
             "differ": rows.index[~agrees].tolist(),
-            "width_percent": [float(width.min()), float(width.max())],
-            "factor": [float(factor.min()), float(factor.max())] if agrees.any() else [],
+            "width_percent": width.agg(["min", "max"]).tolist(),
+            "factor": factor.agg(["min", "max"]).dropna().tolist(),
         }
     return described
 
 
-def deviation_percent(ratios: FloatArray) -> FloatArray:
-    """Mean deviation of the means of A from the theoretical A [%], of N tables, ratios of shape (rows, N)."""
-    return 100 * (ratios.mean(axis=0) - 1)
+def deviation_percent(tables: Tables) -> FloatArray:
+    """Mean deviation of the means of A from the theoretical A [%], of each of N tables."""
+    return 100 * (tables["means"].mean(axis=0) - 1)
 
 
 def write_rejections(tests: Rejections) -> str:
@@ -382,38 +330,32 @@ def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) ->
     """
     whole = next(arrange_tables(part) for _, _, part in split_protocols(realisations))
     printed = printed_table()
-    of_whole = multiverse[multiverse["start"] == WHOLE]
-    alone = of_whole[of_whole["settings"] != TOGETHER].set_index("numbers")
-    together = of_whole[of_whole["settings"] == TOGETHER].dropna(subset="p")
-    alarms = 100 * multiverse["false_alarms"].dropna()
-    kinds = [*Tables.numbers(printed)]
+    of_whole = multiverse[multiverse["start"] == WHOLE].set_index("numbers")
+    alone = of_whole[of_whole["settings"] != TOGETHER]
+    sds_together = of_whole[of_whole["settings"] == TOGETHER].drop("means").dropna(subset="p")
+    alarms = 100 * multiverse["false_alarms"]
     sds = count_rejections(multiverse, WHOLE, "SDs")
     return {
         "starts": compare_starts(realisations).to_dict("index"),
         "whole": {
-            "tables": whole.ratios.shape[1],
+            "tables": whole["means"].shape[1],
             "settings": alone["settings"].nunique(),
             "means_inside": alone.loc["means", "inside"].dropna().tolist(),
-            "sds_inside": alone.loc["SDs", "inside"].dropna().tolist(),
-            "deviation_percent": float(deviation_percent(whole.ratios).mean()),
+            "deviation_percent": float(deviation_percent(whole).mean()),
             "sds_rejected": sds.rejected / max(sds.tests, 1),
-            "row10_smallest_rps": float(whole.sds[9].min()),
-            "row10_below": int((whole.sds[9] > printed.sds[9]).sum()),
+            "row10_below": int((whole["SDs"][9] > printed["SDs"][9]).sum()),
         },
-        "printed_percent": float(deviation_percent(printed.ratios)[0]),
+        "printed_percent": deviation_percent(printed).item(),
         "rejections": {
             start: {
                 numbers: write_rejections(count_rejections(multiverse, start, numbers))
-                for numbers in kinds
+                for numbers in printed
             }
             for start in STARTS
         },
         "p_of_sds": {
-            numbers: {
-                row["score"]: write_p(row["p"], row["least_p"]) for row in part.to_dict("records")
-            }
-            for numbers, part in together.groupby("numbers", sort=False)
-            if numbers != "means"
+            numbers: dict(zip(part["score"], map(write_p, part["p"], part["least_p"]), strict=True))
+            for numbers, part in sds_together.groupby(level=0)
         },
-        "false_alarms_percent": {"mean": float(alarms.mean()), "most": float(alarms.max())},
+        "false_alarms_percent": {"mean": alarms.mean(), "most": alarms.max()},
     }

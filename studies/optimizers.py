@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import count, product
 from operator import attrgetter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -201,30 +201,24 @@ DETERMINISTIC["DIRECT"] = "classical", _rectangles
 DETERMINISTIC["grid and simplex descents, A and v_t solved"] = "prepared", _grid_then_simplex
 SEARCH_METHODS = RANDOM | DETERMINISTIC
 
+Job: TypeAlias = tuple[str, int, int, int]  # method, realisation, level, seed
 
-def planned_runs() -> list[tuple[str, int, int, int]]:
-    """Every run of the comparison: method, level, realisation, seed. A deterministic method gets more records."""
-    seeds = range(1, RUNS_PER_RECORD + 1)
-    jobs = [
-        (method, level, 1, seed)
-        for method in RANDOM
-        for level, seed in product(SEARCHED_LEVELS, seeds)
-    ]
+
+def planned_runs() -> list[Job]:
+    """Every run of the comparison. A deterministic method gets more records."""
+    jobs = [*product(RANDOM, [1], SEARCHED_LEVELS, range(1, RUNS_PER_RECORD + 1))]
     for method in DETERMINISTIC:
         is_dear = "fifty" in method or method == "DIRECT"
-        jobs += [
-            (method, level, R, 0)
-            for R, level in product(LOW_NOISE[:2] if is_dear else LOW_NOISE, LEVELS)
-        ]
+        jobs += product([method], LOW_NOISE[:2] if is_dear else LOW_NOISE, LEVELS, [0])
     return jobs
 
 
-def run_jobs(jobs: Sequence[tuple[str, int, int, int]]) -> DataFrame:
+def run_jobs(jobs: Sequence[Job]) -> DataFrame:
     """Run methods on the authors' records, a row a run: what `results/optimizers.csv` holds."""
     return DataFrame(Parallel(n_jobs=-1)(delayed(run_on_authors_record)(*job) for job in jobs))
 
 
-def run_on_authors_record(method: str, level: int, realisation: int, seed: int) -> dict:
+def run_on_authors_record(method: str, realisation: int, level: int, seed: int) -> dict:
     """Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
     recording = load_noisy(level, realisation)
     best = best_fit(recording).rmse
@@ -246,23 +240,17 @@ def run_on_authors_record(method: str, level: int, realisation: int, seed: int) 
 
 def success_table(runs: DataFrame) -> DataFrame:
     """Rate at which each method finds the best basin, its 95 % interval, and evaluations per success."""
-    rows = []
-    for (method, kind), part in runs.groupby(["method", "kind"], sort=False):
-        found = int(part["found"].sum())
-        ends = stats.binomtest(found, len(part)).proportion_ci()  # after Clopper and Pearson
-        row = {
-            "method": method,
-            "kind": kind,
-            "records": part.groupby(["level", "realisation"]).ngroups,
-            "runs": len(part),
-            "found": found,
-            "rate": found / len(part),
-            "rate_low": ends.low,
-            "rate_high": ends.high,
-            "evaluations_per_success": part["evaluations"].sum() / found if found else np.inf,
-        }
-        rows.append(row)
-    return DataFrame(rows)
+    key = ["method", "kind"]
+    of_method = runs.groupby(key, sort=False)
+    table = of_method["found"].agg(runs="size", found="sum")
+    records = runs.drop_duplicates([*key, "level", "realisation"])
+    table.insert(0, "records", records.groupby(key).size())
+    table["rate"] = table["found"] / table["runs"]
+    table[["rate_low", "rate_high"]] = [  # after Clopper and Pearson
+        stats.binomtest(row.found, row.runs).proportion_ci() for row in table.itertuples()
+    ]
+    table["evaluations_per_success"] = of_method["evaluations"].sum() / table["found"]
+    return table.reset_index()
 
 
 def against_swarms(table: DataFrame) -> DataFrame:
@@ -273,9 +261,9 @@ def against_swarms(table: DataFrame) -> DataFrame:
     for swarm in SWARMS:
         theirs = by_rate[by_rate.index.str.startswith(f"{swarm},")].iloc[-1]
         counts = [[row["found"], row["runs"] - row["found"]] for row in (ours, theirs)]
-        p_values = [
+        p_better, p_worse = (
             stats.fisher_exact(counts, alternative=side).pvalue for side in ("greater", "less")
-        ]
-        rows.append((swarm, theirs["rate"], ours["rate"], *p_values))
+        )
+        rows.append((swarm, theirs["rate"], ours["rate"], p_better, p_worse))
     columns = ["swarm", "rate", "rate_cma", "p_cma_better", "p_swarm_better"]
     return DataFrame(rows, columns=columns)

@@ -27,6 +27,7 @@ from replication.table2 import (
 )
 
 REALISATIONS = ROOT / "results" / "table2_realisations.csv"
+PROTOCOLS = {settings.protocol: settings for settings in (*SETTINGS, *DRAWN_STARTS)}
 STUDY_SEED = 2027
 FIRST_SAMPLES = 100  # of which the text draws the start
 NUMBER = 40  # of tables under each setting
@@ -35,8 +36,6 @@ NOISE_ROWS = 10  # of row 11, noise alone, with the whole record
 
 def from_sample(recording: Recording, start: int) -> Recording:
     """Drop a record's first samples, so that its time starts from zero at sample `start`."""
-    if not 0 <= start <= recording.t.size - 3:
-        raise ValueError(f"start sample {start}: the record has {recording.t.size} samples")
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
@@ -50,34 +49,40 @@ def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Gener
     return np.broadcast_to(drawn, RUNS)
 
 
-def noisy_records(
-    settings: SearchSettings, row: int, realisation: int
-) -> list[tuple[Recording, int]]:
-    """Draw a noise of the printed amplitude, and of each of a row's thirty fits the record and the seed.
+def draw_record(row: int, rng: np.random.Generator) -> Recording:
+    """A row's clean record with a noise of the printed amplitude.
 
-    No other settings have the same. Row 1's clean record is not public, so our joint's takes its place.
+    Row 1's clean record is not public, so our joint's takes its place.
     """
-    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
     if row == NOISE_ROW:
         clean = constant_speed()
     else:
         level = LEVELS[row - 1]
         clean = simulate_clean(level) if row == 1 else load_clean(level)
-    record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+    return add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+
+
+def noisy_records(
+    settings: SearchSettings, row: int, realisation: int
+) -> list[tuple[Recording, int]]:
+    """Draw a noise, and of each of a row's thirty fits the record and the seed; no other settings have the same."""
+    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
+    record = draw_record(row, rng)
     starts = draw_starts(settings, realisation, rng)
     seeds = rng.integers(1, 2**31, RUNS)
     cut = [from_sample(record, start) for start in starts.tolist()]
     return list(zip(cut, seeds.tolist(), strict=True))
 
 
-def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, object]:
+def realise(protocol: str, row: int, realisation: int) -> dict[str, object]:
     """Make one row of Table 2 again: the mean and SD [rps] over thirty runs, and the best basin's share of them."""
+    settings = PROTOCOLS[protocol]
     records = noisy_records(settings, row, realisation)
     fits = [fit(record, settings, seed) for record, seed in records]
     A = np.array([each.X.A if row == NOISE_ROW else each.amplitude_rps for each in fits])
     in_best = basin_labels(np.array([each.rmse for each in fits])) == 1
     return {
-        "protocol": settings.protocol,
+        "protocol": protocol,
         "realisation": realisation,
         "row": row,
         "mean_A_rps": A.mean(),
@@ -87,30 +92,27 @@ def realise(settings: SearchSettings, row: int, realisation: int) -> dict[str, o
 
 
 def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
-    """The realisations that are kept, under each protocol as many of each of rows 1 to 10: the rows of `realise`."""
+    """The realisations that are kept: the rows of `realise`."""
     check_kept(path)
-    table = pd.read_csv(path)
-    made = table[table["row"].isin(ROWS)].groupby(["protocol", "row"]).size()
-    whole = made.groupby("protocol").min()
-    return table[table["realisation"] <= table["protocol"].map(whole)]
+    return pd.read_csv(path)
 
 
-def plan_realisation(realisation: int) -> list[tuple[SearchSettings, int, int]]:
-    """List the settings and rows of one realisation, as `realise` takes them."""
-    rows = (*ROWS, NOISE_ROW) if realisation <= NOISE_ROWS else ROWS
-    plan = [(settings, row, realisation) for settings in SETTINGS for row in rows]
-    return plan + [(settings, row, realisation) for settings in DRAWN_STARTS for row in ROWS]
+def plan_realisation(realisation: int) -> list[tuple[str, int, int]]:
+    """List the protocols and rows of one realisation, as `realise` takes them."""
+    return [
+        (protocol, row, realisation)
+        for protocol, settings in PROTOCOLS.items()
+        for row in (*ROWS, NOISE_ROW)
+        if row in ROWS or (settings.start == WHOLE and realisation <= NOISE_ROWS)
+    ]
 
 
 def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> pd.DataFrame:
     """Make Table 2 again so many times under each setting, into a table that grows; it resumes if interrupted."""
-    table = pd.read_csv(path) if path.exists() else pd.DataFrame()
-    made = {(row["protocol"], row["row"], row["realisation"]) for row in table.to_dict("records")}
-    for realisation in range(1, number + 1):
+    rows = pd.read_csv(path).to_dict("records") if path.exists() else []
+    made = {row["realisation"] for row in rows}
+    for realisation in sorted({*range(1, number + 1)} - made):
         plan = plan_realisation(realisation)
-        missing = [each for each in plan if (each[0].protocol, *each[1:]) not in made]
-        rows = Parallel(n_jobs=-1)(delayed(realise)(*each) for each in missing)
-        if rows:
-            table = pd.concat([table, pd.DataFrame(rows)])
-            write_kept(path, table)
-    return table
+        rows += Parallel(n_jobs=-1)(delayed(realise)(*each) for each in plan)
+        write_kept(path, pd.DataFrame(rows))
+    return pd.DataFrame(rows)

@@ -51,7 +51,6 @@ def run_from_rest(rng: Generator) -> tuple[DataFrame, LogOptions, int]:
     frame = DataFrame({"time": CONTROL_S * np.arange(v.size), "speed": v})
     frame["position"] = v.cumsum() * CONTROL_S
     frame["torque"] = np.pad(seen[:, 1], (rest, 0), "edge") / joint.gravity
-    frame.attrs["joint"] = joint
     return frame, LogOptions(gear_ratio=gear_ratio, torque="torque"), rest + 2 * periods
 
 
@@ -182,30 +181,28 @@ def refuse_log(log: DataFrame, options: LogOptions) -> str:
 
 def measure_all(joints: int = JOINTS) -> DataFrame:
     """Of each rule how many sound logs it refuses, and how many of those that have its fault; a log a joint has it."""
-    reasons: list[str] = []
-    caught = dict.fromkeys(RULES, 0)
-    otherwise = dict.fromkeys(RULES, 0)
+    sound: list[str] = []
+    faulty = []
     for number in range(joints):
         run = run_from_rest(np.random.default_rng((SEED, number)))
         for writing in range(WRITINGS):
             rng = np.random.default_rng((SEED, number, writing))
             log, options = write_log(*run, rng)
-            reasons.append(refuse_log(log, options))
-        for name, (words, damage) in RULES.items():
-            reason = refuse_log(damage(log, rng), options)
-            caught[name] += words in reason
-            otherwise[name] += bool(reason) and words not in reason
-    rows = [
-        {
-            "rule": name,
-            "false_refusals": sum(words in reason for reason in reasons),
-            "sound": len(reasons),
-            "caught": caught[name],
-            "refused_otherwise": otherwise[name],
+            sound.append(refuse_log(log, options))
+        faulty.append([refuse_log(damage(log, rng), options) for _, damage in RULES.values()])
+    others = {*filter(None, sound)}
+    rows = []
+    for (rule, (words, _)), reasons in zip(RULES.items(), zip(*faulty, strict=True), strict=True):
+        caught = sum(words in reason for reason in reasons)
+        row = {
+            "rule": rule,
+            "false_refusals": sum(words in reason for reason in sound),
+            "sound": len(sound),
+            "caught": caught,
+            "refused_otherwise": sum(map(bool, reasons)) - caught,
             "faulty": joints,
         }
-        for name, (words, _) in RULES.items()
-    ]
-    known = [words for words, _ in RULES.values()]
-    others = sum(bool(reason) and not any(words in reason for words in known) for reason in reasons)
-    return DataFrame([*rows, {"rule": OTHER, "false_refusals": others, "sound": len(reasons)}])
+        rows.append(row)
+        others = {reason for reason in others if words not in reason}
+    refused = sum(reason in others for reason in sound)
+    return DataFrame([*rows, {"rule": OTHER, "false_refusals": refused, "sound": len(sound)}])

@@ -114,16 +114,15 @@ def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recordi
 # -------------------------------------------------------------------------------------------- many logs
 
 
-def fit_log(bench: Bench, delta: float, seed: Sequence[int]) -> dict[str, float]:
-    """Log a bench and find A of the best fit of the signature."""
-    record = encoder_log(bench, delta, np.random.default_rng(seed))
-    return {"delta_rad": delta, "A_rps": best_fit(record).amplitude_rps}
-
-
 def fit_logs(cases: Iterable[tuple[Bench, float]], seed: int) -> pd.DataFrame:
-    """Fit a log of each bench and backlash, on all cores; a row of `fit_log` each."""
-    work = [delayed(fit_log)(*case, (seed, number)) for number, case in enumerate(cases)]
-    return pd.DataFrame(Parallel(n_jobs=-1)(work))
+    """Log each bench with a backlash and find A of the best fit of the signature, on all cores; a row a log."""
+
+    def fit_log(number: int, bench: Bench, delta: float) -> tuple[float, float]:
+        record = encoder_log(bench, delta, np.random.default_rng((seed, number)))
+        return delta, best_fit(record).amplitude_rps
+
+    rows = Parallel(n_jobs=-1)(delayed(fit_log)(k, *case) for k, case in enumerate(cases))
+    return pd.DataFrame(rows, columns=["delta_rad", "A_rps"])
 
 
 # -------------------------------------------------------------------------------------- Tables 3 and 4

@@ -17,9 +17,11 @@ A best minimum is that of `best_fit`, or of a run where that is lower. Restarts:
 searches, which spend what one of a fivefold population does. All searches on a row have the same noise and start.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from itertools import chain, product
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -27,14 +29,7 @@ from pandas import DataFrame
 
 from replication import published
 from replication.best_fit import best_fit
-from replication.records import (
-    LOW_NOISE,
-    Recording,
-    add_noise,
-    load_clean,
-    load_noisy,
-    simulate_clean,
-)
+from replication.records import LOW_NOISE, Recording, load_noisy
 from replication.table2 import (
     BASIN_GAP,
     LEVELS,
@@ -48,7 +43,8 @@ from replication.table2 import (
     fit,
 )
 from studies.claims import span
-from studies.realisations import FIRST_SAMPLES, from_sample
+from studies.multiverse import deviation_percent, printed_table
+from studies.realisations import FIRST_SAMPLES, draw_record, from_sample
 
 SEED = 20261129
 TABLES = 8
@@ -56,50 +52,46 @@ SEARCHES = 5  # of which restarts keep the best
 AUTHORS, OWN = "authors'", "own"  # noises
 SINGLE, RESTARTS = "one search", "best of five searches"
 LARGER = (1000, 3000)  # populations
+BY_RMSE = attrgetter("rmse")
 
 
-def draw_row(noise: str, start: str, table: int, row: int) -> tuple[Recording, int, np.ndarray]:
+def draw_row(noise: str, table: int, start: str, row: int) -> tuple[Recording, int, np.ndarray]:
     """A row's record from its start on, that start [samples], and seeds of shape (thirty, five) for its searches."""
-    level = LEVELS[row - 1]
     rng = np.random.default_rng((SEED, *noise.encode(), table, row))
-    if noise == AUTHORS:
-        record = load_noisy(level, table)
-    else:
-        clean = simulate_clean(level) if row == 1 else load_clean(level)
-        record = add_noise(clean, published.column("Table 2", "noise")[row - 1], rng)
+    record = draw_record(row, rng) if noise == OWN else load_noisy(LEVELS[row - 1], table)
     drawn = int(rng.integers(FIRST_SAMPLES))
     first_sample = 0 if start == WHOLE else drawn
-    return (
-        from_sample(record, first_sample),
-        first_sample,
-        rng.integers(1, 2**31, (RUNS, SEARCHES)),
-    )
+    seeds = rng.integers(1, 2**31, (RUNS, SEARCHES))
+    return from_sample(record, first_sample), first_sample, seeds
 
 
 def search_row(
     record: Recording, settings: SearchSettings, seeds: np.ndarray, others: bool
 ) -> dict[str, list[Fit]]:
     """Thirty fits by one search each, and if asked for by the others, by the name of the search."""
+
+    def fit_with(settings: SearchSettings, seeds: np.ndarray) -> list[Fit]:
+        return [fit(record, settings, int(seed)) for seed in seeds]
+
+    single = fit_with(settings, seeds[:, 0])
     if not others:
-        return {SINGLE: [fit(record, settings, int(seed)) for seed in seeds[:, 0]]}
-    searches = [[fit(record, settings, int(seed)) for seed in of_run] for of_run in seeds]
-    fits = {
-        SINGLE: [of_run[0] for of_run in searches],
-        RESTARTS: [min(of_run, key=lambda each: each.rmse) for of_run in searches],
+        return {SINGLE: single}
+    more = [fit_with(settings, of_run[1:]) for of_run in seeds]
+    larger = {
+        f"population {population}": fit_with(replace(settings, population=population), seeds[:, 0])
+        for population in LARGER
     }
-    for population in LARGER:
-        larger = replace(settings, population=population)
-        fits[f"population {population}"] = [fit(record, larger, int(seed)) for seed in seeds[:, 0]]
-    return fits
+    restarts = [min(first, *rest, key=BY_RMSE) for first, rest in zip(single, more, strict=True)]
+    return {SINGLE: single, RESTARTS: restarts, **larger}
 
 
-def measure_row(noise: str, settings: str, start: str, table: int, row: int) -> list[dict]:
+def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> list[dict]:
     """What the searches find on one row: a row of the kept table for each."""
     search_settings = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
-    record, first_sample, seeds = draw_row(noise, start, table, row)
+    record, first_sample, seeds = draw_row(noise, table, start, row)
     fits = search_row(record, search_settings, seeds, others=noise == OWN)
     best = best_fit(record, search_settings)
-    lowest = min((each for part in fits.values() for each in part), key=lambda each: each.rmse)
+    lowest = min(chain(*fits.values()), key=BY_RMSE)
     if lowest.rmse * (1 + BASIN_GAP) < best.rmse:
         best = lowest
     rows = []
@@ -125,29 +117,18 @@ def measure_row(noise: str, settings: str, start: str, table: int, row: int) -> 
     return rows
 
 
-def planned_rows() -> list[tuple[str, str, str, int, int]]:
-    """Noise, settings, start, table and row of all that is measured: the authors' noises first."""
-    authors = [
-        (AUTHORS, settings.name, start, R, row)
-        for settings in (NOTEBOOK, RPM_600)
-        for R in LOW_NOISE
-        for start in (WHOLE, "per row")
-        for row in ROWS
+def planned_rows() -> list[tuple[str, str, int, str, int]]:
+    """Noise, settings, table, start and row of all that is measured."""
+    settings = (NOTEBOOK.name, RPM_600.name)
+    return [
+        *product([AUTHORS], settings, LOW_NOISE, (WHOLE, "per row"), ROWS),
+        *product([OWN], settings[1:], range(1, TABLES + 1), ["per row"], ROWS),
     ]
-    own = [
-        (OWN, RPM_600.name, "per row", table, row) for table in range(1, TABLES + 1) for row in ROWS
-    ]
-    return authors + own
 
 
-def measure_rows(plan: Sequence[tuple[str, str, str, int, int]]) -> Iterator[DataFrame]:
-    """The kept table as it grows, ten rows of the plan at a time."""
-    rows: list[dict] = []
-    for first in range(0, len(plan), len(ROWS)):
-        part = plan[first : first + len(ROWS)]
-        measured = Parallel(n_jobs=-1)(delayed(measure_row)(*each) for each in part)
-        rows += [row for of_row in measured for row in of_row]
-        yield DataFrame(rows)
+def measure_rows(plan: Iterable[tuple[str, str, int, str, int]]) -> DataFrame:
+    """The kept table of what is planned."""
+    return DataFrame(chain(*Parallel(n_jobs=-1)(delayed(measure_row)(*each) for each in plan)))
 
 
 # ------------------------------------------------------------------------------------------------ what it says
@@ -164,72 +145,51 @@ def summarise(rows: DataFrame) -> DataFrame:
     the share of fits in the best minimum; `reaching`, in how many tables the means deviate as the printed ones or less.
     """
     theoretical = published.column("Table 2", "theoretical")[rows["row"] - 1]
-    in_best = rows["mean_A_in_best_rps"].notna()
-    measured = rows[[*OF_SEARCH, "table", "best_share"]].assign(
-        best_percent=100 * (rows["best_A_rps"] / theoretical - 1),
-        mean_percent=100 * (rows["mean_A_rps"] / theoretical - 1),
-        in_best_percent=100 * (rows["mean_A_in_best_rps"] / theoretical - 1),
-        their_best_percent=100 * (rows["best_A_rps"] / theoretical - 1).where(in_best),
-    )
+    A = rows[["best_A_rps", "mean_A_rps", "mean_A_in_best_rps"]]
+    off = 100 * (A.div(theoretical, axis=0) - 1)
+    off.columns = ["best_percent", "mean_percent", "in_best_percent"]
+    measured = rows[[*OF_SEARCH, "table", "best_share"]].join(off)
+    measured["their_best_percent"] = off["best_percent"].where(off["in_best_percent"].notna())
     of_tables = measured.groupby([*OF_SEARCH, "table"], sort=False).mean().reset_index("table")
     groups = of_tables.groupby(OF_SEARCH, sort=False)
     condensed = groups.mean().drop(columns="table")
     condensed.insert(0, "tables", groups.size())
     condensed["lowest_percent"] = groups["mean_percent"].min()
     condensed["highest_percent"] = groups["mean_percent"].max()
-    reaching = of_tables["mean_percent"] >= printed_deviation_percent()
+    reaching = of_tables["mean_percent"] >= deviation_percent(printed_table()).item()
     condensed["reaching"] = reaching.groupby(OF_SEARCH, sort=False).sum()
     return condensed.reset_index()
-
-
-def printed_deviation_percent() -> float:
-    """Mean deviation of Table 2's ten printed means from the theoretical A [%]."""
-    mean, theoretical = (
-        published.column("Table 2", name)[: len(ROWS)] for name in ("mean", "theoretical")
-    )
-    return 100 * float(np.mean(mean / theoretical - 1))
 
 
 MOST_POINTS = 2.0  # see the criteria above
 
 
-class Verdict(NamedTuple):
-    """What the criteria above say of the sentence on the search, and of restarts and larger populations."""
-
-    search_misses: bool | None  # None: undecided
-    more_search_reaches: bool  # a table of them has the printed mean deviation or a higher one
-
-
-def decide(summary: DataFrame) -> Verdict:
-    """Hold `summarise` against the criteria."""
+def decide(summary: DataFrame) -> bool | None:
+    """Whether the search misses the best minimum, by the criteria above on `summarise`; None is undecided."""
     authors = summary[summary["noise"] == AUTHORS].pivot(index="settings", columns="start")
     own = summary[summary["noise"] == OWN].set_index("search")
     costs = authors["best_percent", WHOLE] - authors["best_percent", "per row"]
     low = summary["their_best_percent"] - summary["in_best_percent"]
+    if max(costs.max(), low.max()) > MOST_POINTS:
+        return False
     distance = own["best_percent"] - own["mean_percent"]
-    refuted = bool((costs > MOST_POINTS).any() or (low > MOST_POINTS).any())
-    supported = distance[RESTARTS] <= distance[SINGLE] / 2
-    more = own.drop(index=SINGLE)
-    return Verdict(
-        False if refuted else True if supported else None, bool((more["reaching"] > 0).any())
-    )
+    return True if distance[RESTARTS] <= distance[SINGLE] / 2 else None
 
 
 def describe(summary: DataFrame) -> dict[str, Any]:
     """What the report says of drawn starts, from `summarise`.
 
     Deviations of the best minima [%] on the authors' noises, and shares of fits that end there, by start, each with its
-    ends over the settings; the searches on our own tables; and the verdicts.
+    ends over the settings; the searches on our own tables; and the verdict.
     """
     authors = summary[summary["noise"] == AUTHORS].groupby("start")
     own = summary[summary["noise"] == OWN]
-    ends = authors[["best_percent", "best_share"]].agg(["min", "max"])
     columns = ["search", "tables", "mean_percent", "highest_percent", "best_share", "reaching"]
     return {
         "best_percent": authors["best_percent"].mean().to_dict(),
-        "best_share": {start: ends.loc[start, "best_share"].tolist() for start in ends.index},
+        "best_share": authors["best_share"].agg(["min", "max"]).T.to_dict("list"),
         "own": own[columns].to_dict("records"),
-        **decide(summary)._asdict(),
+        "search_misses": decide(summary),
     }
 
 

@@ -65,15 +65,6 @@ def test_errors_are_of_one_turn_over_the_settled_speeds_sd(records):
     for turn, error in ((1, 0.0), (2, 0.0), (3, 0.3 / settled_sd(late))):
         (errors,) = errors_in_turn(JOINT, {DELTA: late}, turn)
         np.testing.assert_allclose(errors, np.full(200, error), atol=1e-9)
-    moved = replace(record, t=record.t + 1.1e-6 * (record.t == 0))
-    with pytest.raises(ValueError, match="evenly"):
-        errors_in_turn(JOINT, {DELTA: moved}, 3)
-    three_turns, shorter = (
-        {DELTA: replace(record, t=record.t[:size], v=record.v[:size])} for size in (601, 600)
-    )
-    assert errors_in_turn(JOINT, three_turns, 3)[0].size == 200
-    with pytest.raises(ValueError, match="3 turns"):
-        errors_in_turn(JOINT, shorter, 3)
 
 
 def test_the_ratios_of_a_simulated_joint_are_identified(records):
@@ -130,10 +121,3 @@ def test_the_committed_joint_is_identified_from_rough_values(authors_data):
     identified = reidentify_joint()
     assert identified["ratios"] == pytest.approx(committed["ratios"], rel=1e-5)
     assert identified["nrmse"] == pytest.approx(committed["nrmse"], rel=1e-3)
-
-
-def test_the_start_up_tells_when_the_joint_started(authors_data):
-    records = load_clean_records(CLEAN_LEVELS)
-    leads = JOINT.lead + JOINT.period * np.array([-1, 0, 1])
-    assert identify_lead(records, JOINT, leads) == JOINT.lead
-    assert max(np.sqrt(np.mean(e**2)) for e in errors_in_turn(JOINT, records, 1)) < 0.085

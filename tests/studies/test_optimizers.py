@@ -47,26 +47,15 @@ def test_cma_es_beats_the_swarms_only_if_chance_is_ruled_out(cma, one, others, h
     rows = result("CMA-ES, population 300", "CMA-ES", cma)
     for name, found in zip(optimizers.SWARMS, [one, *[others] * 9], strict=False):
         rows += result(f"{name}, population 300", "swarm", found)
+        rows += result(f"{name}, its own population", "swarm", 0)
     compared = optimizers.against_swarms(optimizers.success_table(pd.DataFrame(rows)))
     measured = {"cma_beats_swarms": claims.measure_swarms(compared)}
     assert decide_all(claims.write_all(measured))["cma_beats_swarms"][0] is holds
 
 
-@pytest.mark.parametrize(("found", "holds"), [(0, True), (15, None), (30, False)])
-def test_classical_methods_cannot_be_applied_if_the_best_of_them_fails_more_often_than_not(
-    found, holds
-):
-    rows = result("simplex", "classical", found) + result("other", "classical", 0)
-    table = optimizers.success_table(pd.DataFrame(rows))
-    measured = {"classical_cannot": claims.measure_classical(table, "classical")}
-    decided, words = decide_all(claims.write_all(measured))["classical_cannot"]
-    assert decided is holds
-    assert f"simplex {found} of 30" in words
-
-
 def test_the_kept_runs_are_the_planned_ones_and_none_is_far_below_the_global_fit():
     kept = pd.read_csv(workbook.ROOT / "results" / "optimizers.csv")
-    job = ["method", "level", "realisation", "seed"]
+    job = ["method", "realisation", "level", "seed"]
     jobs = list(kept[job].itertuples(index=False, name=None))
     assert sorted(jobs) == sorted(optimizers.planned_runs())
     assert (kept["found"] == (kept["rmse_over_best"] <= 1 + 2e-3)).all()

@@ -4,11 +4,9 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from replication import table2
-from replication.files import write_kept
 from replication.records import constant_speed
 from studies import realisations
 
@@ -16,7 +14,7 @@ from studies import realisations
 def test_a_row_made_again_is_the_committed_one():
     """Another kernel moves the mean by 2e-4 of it."""
     kept = realisations.read_realisations().set_index(["protocol", "row", "realisation"])
-    made = realisations.realise(table2.NOTEBOOK, 1, 1)
+    made = realisations.realise(table2.NOTEBOOK.protocol, 1, 1)
     key = [made.pop(name) for name in kept.index.names]
     expected = kept.loc[tuple(key)]
     assert made["mean_A_rps"] == pytest.approx(expected["mean_A_rps"], rel=1e-3)
@@ -27,70 +25,57 @@ def test_a_row_made_again_is_the_committed_one():
 def test_the_realisations_that_are_kept_are_forty_of_each_row_and_setting():
     kept = realisations.read_realisations()
     noise_alone = {(each.protocol, 11): 10 for each in table2.SETTINGS}
-    protocols = [each.protocol for each in (*table2.SETTINGS, *table2.DRAWN_STARTS)]
-    expected = dict.fromkeys(product(protocols, range(1, 11)), 40) | noise_alone
+    of_rows = product(realisations.PROTOCOLS, range(1, 11))
+    expected = dict.fromkeys(of_rows, 40) | noise_alone
     assert kept.groupby(["protocol", "row"]).size().to_dict() == expected
-    assert [(each.population, each.amplitude_factor) for each in table2.SETTINGS[:3]] == [
-        (300, 1.3),
-        (300, 1.0),
-        (600, 1.0),
-    ]
-    assert {each.amplitude_factor for each in table2.SETTINGS[1:]} == {1.0}
 
 
 def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
     made = []
 
-    def realise(settings, row, realisation):
-        made.append((settings.protocol, row, realisation))
-        return {"protocol": settings.protocol, "realisation": realisation, "row": row}
+    def realise(protocol, row, realisation):
+        made.append((protocol, row, realisation))
+        return {"protocol": protocol, "realisation": realisation, "row": row}
 
     monkeypatch.setattr(realisations, "realise", realise)
     path = tmp_path / "table.csv"
     realisations.make_realisations(path, 11)
     # Row 11 is made ten times with the whole record.
     assert len(made) == len({*made}) == 14 * 11 * 10 + 8 * 10
-    pd.read_csv(path)[1:-1].to_csv(path, index=False)
-    realisations.make_realisations(path, 11)
-    assert made[1620:] == [made[0], made[1619]]
-    table = pd.read_csv(path)
-    # Where a row has fewer, so many of each are read of its protocol.
-    lacks = (table["row"] == 3) & (table["protocol"] == table2.NOTEBOOK.protocol)
-    write_kept(path, table[~lacks | (table["realisation"] < 11)])
-    most = realisations.read_realisations(path).groupby("protocol")["realisation"].max()
-    assert most.pop(table2.NOTEBOOK.protocol) == 10
-    assert (most == 11).all()
+    realisations.make_realisations(path, 12)
+    assert {realisation for *_, realisation in made[1620:]} == {12}
+    assert len(realisations.read_realisations(path)) == len(made) == 1620 + 140
 
 
-def test_a_protocol_has_its_own_noise_and_seeds_the_same_twice(monkeypatch):
+@pytest.fixture
+def constant(monkeypatch):
+    """A speed in place of the authors' records."""
     monkeypatch.setattr(realisations, "load_clean", lambda level: constant_speed())
-    protocols = (*table2.SETTINGS, *table2.DRAWN_STARTS)
-    drawn = [realisations.noisy_records(each, 5, 3) for each in (*protocols, table2.NOTEBOOK)]
+
+
+def test_a_protocol_has_its_own_noise_and_seeds_the_same_twice(constant):
+    drawn = [
+        realisations.noisy_records(settings, 5, 3)
+        for settings in (*realisations.PROTOCOLS.values(), table2.NOTEBOOK)
+    ]
     for (record, seed), (again, seed_again) in zip(drawn[0], drawn[-1], strict=True):
         np.testing.assert_array_equal(record.v, again.v)
         assert seed == seed_again
-    assert len({tuple(seed for _, seed in each) for each in drawn}) == len(protocols) == 14
+    assert len({tuple(seed for _, seed in each) for each in drawn}) == 14
     assert len({each[0][0].v[-1] for each in drawn}) == 14
-    assert all(len(each) == table2.RUNS for each in drawn)
+    assert {len(each) for each in drawn} == {table2.RUNS}
     # The printed noise of row 5.
     assert np.abs(drawn[0][0][0].v - 100).max() == pytest.approx(0.1394, rel=0.01)
 
 
 @pytest.mark.parametrize("start", table2.STARTS)
-def test_a_start_is_one_of_the_first_hundred_samples_for_what_it_is_drawn_for(start, monkeypatch):
-    monkeypatch.setattr(realisations, "load_clean", lambda level: constant_speed())
+def test_a_start_is_one_of_the_first_hundred_samples_for_what_it_is_drawn_for(start, constant):
     settings = replace(table2.RPM_600, start=start)
-    tables = [
-        [
-            [
-                2401 - record.v.size
-                for record, _ in realisations.noisy_records(settings, row, number)
-            ]
-            for row in (5, 6)
-        ]
-        for number in range(1, 21)
+    rows = [
+        [2401 - record.v.size for record, _ in realisations.noisy_records(settings, row, number)]
+        for number, row in product(range(1, 21), (5, 6))
     ]
-    starts = np.array(tables)  # shape (tables, rows, fits)
+    starts = np.reshape(rows, (20, 2, 30))  # tables, rows, fits
     assert 0 <= starts.min() <= starts.max() < 100
     of_row, of_table = (np.ptp(starts, axis=axes).max() for axes in (2, (1, 2)))
     assert (of_row > 0) == (start == "per fit")
@@ -99,9 +84,5 @@ def test_a_start_is_one_of_the_first_hundred_samples_for_what_it_is_drawn_for(st
 
 
 def test_a_record_from_a_later_sample_starts_at_time_zero():
-    record = constant_speed()
-    cut = realisations.from_sample(record, 10)
+    cut = realisations.from_sample(constant_speed(), 10)
     assert (cut.t[0], cut.t[1], cut.t.size) == (0.0, pytest.approx(0.002), 2391)
-    assert realisations.from_sample(record, 2398).t.size == 3
-    with pytest.raises(ValueError, match="start sample 2399"):
-        realisations.from_sample(record, 2399)

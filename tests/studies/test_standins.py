@@ -64,12 +64,6 @@ def test_an_eccentric_gear_moves_the_load_and_no_momentum_comes_from_it():
     assert np.ptp(run.omega_m) > 1e-3
 
 
-def test_friction_on_the_load_takes_amplitude_away():
-    rubbing = (JOINT._replace(load_coulomb=share * JOINT.G) for share in (0.0, 0.05))
-    logs = standins.fit_logs([(standins.Bench(each, 0.0), DELTA) for each in rubbing], 1)
-    assert logs["A_rps"][1] < 0.8 * logs["A_rps"][0]
-
-
 def test_a_torque_at_an_odd_harmonic_of_the_turn_looks_like_backlash():
     # 9 times 2.5 Hz, and 8 times, in a joint without backlash.
     joint = change(JOINT, {"G": 0.5})
