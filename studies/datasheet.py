@@ -18,13 +18,13 @@ from backlash.estimates import Estimate, estimate
 from backlash.refusals import Reason, Refusal
 from studies.simulated_joints import (
     ORDINARY,
+    TO_AND_FRO,
     TURN,
     Fault,
     JointLog,
     Ranges,
+    draw_log,
     draw_log_uniform,
-    draw_strokes,
-    draw_turns,
 )
 
 SEED = 926151
@@ -121,10 +121,8 @@ def measure_log(population: str, number: int) -> dict[str, object]:
     if population in STROKES:
         friction, loss, fault, _ = STROKES[population]
     drawn = rng.uniform(*friction), rng.uniform(*loss)
-    if population in STROKES:
-        log = draw_strokes(rng, delta, *drawn, fault)
-    else:
-        log = draw_turns(rng, delta, *drawn, fault, WIDE.get(population, ORDINARY))
+    ranges = TO_AND_FRO if population in STROKES else WIDE.get(population, ORDINARY)
+    log = draw_log(rng, delta, *drawn, fault, ranges)
     gear_ratio = log.gear_ratio * (2 if population == "gear ratio doubled" else 1)
     try:
         answer = ask_sensor(misjudge(rng, log), gear_ratio=gear_ratio)

@@ -56,10 +56,10 @@ def test_the_log_of_a_swinging_arm_is_refused_the_refusal_asks_for_the_arm_and_t
     kept, mujoco
 ):
     log = engine.log_of(engine.ARM, 1)
-    index = engine.ask_sensor(log, gear_ratio=log.load["gear_ratio"]).amplitude_rps
+    index = engine.ask_sensor(log, **engine.BY_POSITION, **engine.BY_SPEED_ALONE).amplitude_rps
     row = kept.set_index(["population", "number"]).loc[(engine.ARM, 1)]
     assert index == pytest.approx(row["amplitude_rps"], rel=1e-4)
-    answer = engine.ask_sensor(log, torque=log.torque, **log.load)
+    answer = engine.ask_sensor(log, **engine.BY_POSITION)
     assert answer.reason == "no joint fits"
     assert "other axes held still" in answer.explanation
     assert "is the arm stiff beside the payload" in answer.explanation
@@ -134,6 +134,13 @@ def test_the_sensor_is_right_on_the_engine_s_joints_and_silent_on_its_arm(kept):
     assert turns["covered"] >= 0.95 * turns["answered"]
     assert turns["false_all_clears"] == turns["healthy_called"] == 0
     assert sheet.loc["MuJoCo, drag in the gap", "wrong"] == sheet.loc["MuJoCo, arm", "wrong"] == 0
+
+
+def test_the_sensor_is_right_on_the_engine_s_strokes_within_the_limits_that_were_fixed_before(kept):
+    sheet = datasheet.summarise_engine(kept).set_index("population")
+    strokes = sheet.loc["MuJoCo, strokes"]
+    assert strokes["covered"] >= 0.8 * strokes["joints"]
+    assert strokes["wrong"] == strokes["healthy_called"] == 0
 
 
 def test_the_kept_errors_fall_with_the_step_to_the_first_order(kept):
