@@ -245,11 +245,7 @@ def run_turns(joint: DrivenJoint, fault: Fault) -> FloatArray:
 
 
 def stroke_speeds(
-    speed: float,
-    ends_rad: FloatArray,
-    strokes: int = 10,
-    ramp_s: float = 0.3,
-    rest_s: float = 0.3,
+    speed: float, ends_rad: FloatArray, strokes: int = 10, ramp_s: float = 0.3, rest_s: float = 0.3
 ) -> FloatArray:
     """Speed of each control period of strokes between two ends, from the first one, each with ramps and a rest."""
     ramp = np.arange(0.5, ramp_s / CONTROL_S) * CONTROL_S / ramp_s
