@@ -86,8 +86,7 @@ def stepping_torque_study(
         reference = settled_peak(fine, model)
         for step in steps:
             speed = plain_steps_speed(model, delta, duration, step)
-            peak = speed[first_turn:].max() - joint.Omega / TURN
-            rows.append((name, delta, step, peak, reference, peak / reference - 1))
-    return pd.DataFrame(
-        rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"]
-    )
+            error = (speed[first_turn:].max() - joint.Omega / TURN) / reference - 1
+            rows.append((name, delta, step, reference, error))
+    columns = ["model", "delta_rad", "step_s", "reference_rps", "error"]
+    return pd.DataFrame(rows, columns=columns)

@@ -180,8 +180,7 @@ def test_a_wrong_gear_ratio_is_refused_and_the_right_one_named(plain, factor):
     ],
 )
 def test_a_load_that_cannot_be_is_refused(plain, wrong):
-    with pytest.raises(backlash.Refusal, match="above 0"):
-        answer(plain, **wrong)
+    assert "above 0" in answer(plain, **wrong).explanation
 
 
 def masses_of(log: JointLog) -> dict:
