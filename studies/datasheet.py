@@ -5,7 +5,7 @@ page notebooks/datasheet.md.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -113,8 +113,13 @@ POPULATIONS = TURNS | WIDE | FAULTS | STROKES
 
 def measure_all(populations: Iterable[str] = POPULATIONS) -> DataFrame:
     """Ask the sensor about every population, or some, a row a log."""
-    calls = [(name, number) for name in populations for number in range(POPULATIONS[name].logs)]
-    return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
+    return measure_each(measure_log, {name: POPULATIONS[name].logs for name in populations})
+
+
+def measure_each(measure: Callable[[str, int], object], logs: Mapping[str, int]) -> DataFrame:
+    """Measure so many logs of each population, a row a log."""
+    calls = [(name, number) for name in logs for number in range(logs[name])]
+    return DataFrame(Parallel(n_jobs=-1)(delayed(measure)(*call) for call in calls))
 
 
 def measure_log(population: str, number: int) -> dict[str, object]:
@@ -177,8 +182,7 @@ def summarise(rows: DataFrame) -> DataFrame:
     is_covered = is_ill & is_answered & rows["delta_rad"].between(rows["low_rad"], rows["high_rad"])
     is_right = is_covered | (~is_ill & is_cleared)
     true = {(name, reason.value) for name in FAULTS for reason in TRUE_REASONS[name]}
-    told = zip(rows["population"], rows["reason"], strict=True)
-    says_why = np.array([each in true for each in told])
+    says_why = [each in true for each in rows[["population", "reason"]].itertuples(index=False)]
     errors = rows.reindex(columns=[*TOLD]).where(is_ill & is_answered).abs()
     counted = {
         "joints": is_ill,
@@ -189,7 +193,7 @@ def summarise(rows: DataFrame) -> DataFrame:
         "healthy_called": ~is_ill & is_answered,
         "healthy_cleared": ~is_ill & is_cleared,
         "right": is_right,
-        "true_reason": is_refused & says_why,
+        "true_reason": says_why,
         "wrong": ~is_refused & ~is_right,
         **(errors < NORMAL_95),
     }

@@ -9,7 +9,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.random import Generator
 from pandas import DataFrame
 
@@ -17,7 +16,7 @@ from replication.compilation import njit
 from replication.joint import GRAVITY, Joint, identified_joint, simulate
 from replication.published import Measured
 from replication.signature import TURN, FloatArray
-from studies.datasheet import ask_sensor, describe_answer, summarise
+from studies.datasheet import ask_sensor, describe_answer, measure_each, summarise
 from studies.simulated_joints import JointLog, draw_strokes, path_from
 
 SEED = 520617
@@ -93,14 +92,13 @@ def build_model(machine: Machine, step_s: float) -> Any:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.gravity = [0, 0, -GRAVITY]
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
+    body = spec.worldbody
     for k, joint in enumerate(machine.joints):
         rotor = Link(_FORWARD, 1.0, (0, 0, 0), (joint.J_m,) * 3)
-        rubbing = joint.motor_coulomb, joint.motor_viscous
-        _add_link(spec.worldbody, f"rotor {k}", rotor, *rubbing)
-    body = spec.worldbody
-    for k, (joint, link) in enumerate(zip(machine.joints, machine.links, strict=True)):
+        _add_link(body, f"rotor {k}", rotor, joint.motor_coulomb, joint.motor_viscous)
+    each = zip(machine.joints, machine.links, machine.deltas_rad, strict=True)
+    for k, (joint, link, delta) in enumerate(each):
         body = _add_link(body, f"link {k}", link, joint.load_coulomb, joint.load_viscous)
-    for k, (joint, delta) in enumerate(zip(machine.joints, machine.deltas_rad, strict=True)):
         gear = spec.add_tendon(stiffness=joint.K_s, springlength=[-delta, delta])
         gear.wrap_joint(f"rotor {k}", 1 / joint.N)
         gear.wrap_joint(f"link {k}", -1)
@@ -114,7 +112,9 @@ def _add_link(parent: Any, name: str, link: Link, coulomb: float, viscous: float
     """Put a link on a body, by a hinge that rubs."""
     body = parent.add_body(pos=link.place_m, quat=[1, 0, int(link.is_turned), 0])
     body.explicitinertial = True
-    body.mass, body.ipos, body.inertia = link.mass_kg, link.centre_m, link.inertia_kgm2
+    body.mass = link.mass_kg
+    body.ipos = link.centre_m
+    body.inertia = link.inertia_kgm2
     body.add_joint(name=name, axis=link.axis, frictionloss=coulomb, damping=viscous)
     return body
 
@@ -335,8 +335,7 @@ def log_of(population: str, number: int) -> JointLog:
     machine = draw_machine(population, number)
     joint = machine.joints[-1]
     every = int(rng.choice([2, 4]))  # periods between samples
-    is_turning = population != STROKES
-    rows = run_turns(machine) if is_turning else run_strokes(machine, rng)
+    rows = run_strokes(machine, rng) if population == STROKES else run_turns(machine)
     position, _, torque = rows[::every].T
     inertia, gravity = np.exp(rng.standard_normal(2) * (0.03, 0.02))
     return JointLog(
@@ -373,9 +372,7 @@ def measure_log(population: str, number: int) -> dict[str, object]:
 
 def measure_all() -> DataFrame:
     """The paper's joint at each step, then what the sensor says of each log, a row a log."""
-    logs = {TWIN: len(TWIN_STEPS_S), **LOGS}
-    calls = [(population, number) for population in logs for number in range(logs[population])]
-    return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
+    return measure_each(measure_log, {TWIN: len(TWIN_STEPS_S)} | LOGS)
 
 
 def compare_arms(rows: DataFrame) -> DataFrame:

@@ -80,8 +80,8 @@ def _read_printed_gear(file: Path, _: int) -> JointLog:
     table = table.drop_duplicates("TIME", ignore_index=True)  # of a logger that polls
     t = table["TIME"] - table["TIME"].iloc[0]
     t *= 1e-9 if t.iloc[-1] > _LONGEST_S else 1.0
-    turns, speed_rps = table["POSITION"], table["VELOCITY"]
-    return JointLog(*np.array([t, TURN * turns, TURN * speed_rps, table["TORQUE"]]))
+    moved = TURN * table[["POSITION", "VELOCITY"]]
+    return JointLog(*np.column_stack([t, moved, table["TORQUE"]]).T)
 
 
 def _read_kr300(file: Path, axis: int) -> JointLog:
