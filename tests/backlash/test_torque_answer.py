@@ -125,7 +125,8 @@ LACKING = {
     "the gear's error": (
         lambda log: drawn_with(transmission_rad=5e-4, transmission_order=3),
         Reason.NO_FIT,
-        "an error of the gear",
+        "is the arm stiff beside the payload (its first swing, at 6 to 15 Hz, usually refuses a wrist's log)? "
+        "is there a belt, or an error of the gear?",
     ),
     "a clock that wanders": (wandering, Reason.NOT_PERIODIC, "from turn to turn"),
     "a late torque": (lambda log: drawn_with(late_torque_s=0.01), Reason.NO_FIT, "ms too late"),
