@@ -52,8 +52,8 @@ def draw_table2(rows: pd.DataFrame) -> Figure:
     ten = rows[rows["theoretical"] > 0]
     in_percent = ten.mul(100 / ten["mean"], axis=0) - 100
     _printed_and_ours(upper, in_percent, "mean")
-    aside: Style = {"color": GREEN, "mfc": "none", "label": "theoretical $A$"}
-    upper.plot(ten.index + 0.4, in_percent["theoretical"], "<", **aside)
+    theoretical = in_percent["theoretical"].set_axis(ten.index + 0.4)
+    upper.plot(theoretical, "<", color=GREEN, mfc="none", label="theoretical $A$")
     _printed_and_ours(panels["noise"], rows.drop(ten.index), "mean")
     _printed_and_ours(panels["sd"], rows, "sd")
     upper.set(title="mean of $A$", ylabel="off the printed mean [%]")
@@ -75,8 +75,8 @@ def _printed_and_ours(axis: Axes, rows: pd.DataFrame, of: str) -> None:
     printed, low, high = (rows[name] for name in (of, f"{of}_low", f"{of}_high"))
     axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
     axis.bar(rows.index, high - low, 0.6, low, color="0.85", label="our 95 % prediction interval")
-    line: Style = OURS | {"linewidth": 2.0, "label": "our median"}
-    axis.hlines(rows[f"{of}_ours"], rows.index - 0.3, rows.index + 0.3, **line)
+    ends = rows.index - 0.3, rows.index + 0.3
+    axis.hlines(rows[f"{of}_ours"], *ends, **OURS, linewidth=2.0, label="our median")
     agrees = printed.between(low, high)
     axis.plot(printed[agrees], **PRINTED, label="printed, agrees")
     if not agrees.all():
@@ -149,12 +149,12 @@ def _draw_cells(axis: Axes, choices: pd.DataFrame) -> None:
     labels = (choices["settings"] + choices["tables"].map(" ({})".format)).unique()
     p = choices["p"].to_numpy().reshape(len(labels), -1)
     shades = sum(p < level for level in P_LEVELS)
-    frame: Style = {"edgecolors": "0.6", "linewidth": 0.3, "vmax": len(P_LEVELS)}
-    axis.pcolormesh(shades, cmap=ListedColormap(SHADES), **frame)
-    text: Style = {"ha": "center", "va": "center", "fontsize": 6.5}
+    axis.pcolormesh(
+        shades, cmap=ListedColormap(SHADES), vmax=len(P_LEVELS), edgecolors="0.6", linewidth=0.3
+    )
     for (y, x), choice in zip(np.ndindex(p.shape), choices.to_dict("records"), strict=True):
-        color = "white" if shades[y, x] > 1 else INK
-        axis.text(x + 0.5, y + 0.5, _write_choice(choice), color=color, **text)
+        text = axis.text(x + 0.5, y + 0.5, _write_choice(choice), ha="center", va="center")
+        text.set(fontsize=6.5, color="white" if shades[y, x] > 1 else INK)
     axis.set_xticks(np.arange(len(scores)) + 0.5, scores, rotation=90)
     axis.set_yticks(np.arange(len(labels)) + 0.5, labels)
     axis.set_ylim(len(labels), 0)

@@ -274,11 +274,13 @@ def draw_arm(rng: Generator, turning_rad: float, others_rad: float) -> Machine:
     last = _draw_turning(rng, 101.0, mass * arm**2 + own, GRAVITY * mass * arm, (14, 35))
     shoulder, elbow = rng.uniform(-1.4, -1.0), rng.uniform(0.8, 1.2)
     pose = rng.uniform(-1, 1), shoulder, elbow, -shoulder - elbow, rng.uniform(-0.8, 0.8)
-    still = last._replace(
-        K_pos=20.0, Omega=0.0, motor_viscous=0.0, motor_coulomb=0.02, load_coulomb=0.0
-    )
     held = [
-        still._replace(
+        last._replace(
+            K_pos=20.0,
+            Omega=0.0,
+            motor_viscous=0.0,
+            motor_coulomb=0.02,
+            load_coulomb=0.0,
             start_angle=angle,
             J_m=J_m,
             J_l=J_l,
