@@ -21,6 +21,11 @@ def mujoco():
     return pytest.importorskip("mujoco", reason="needs the package mujoco-core")
 
 
+def build(mujoco, machine):
+    model = engine.build_model(machine, 1e-4)
+    return model, mujoco.MjData(model)
+
+
 @pytest.fixture(scope="module")
 def kept():
     return pd.read_csv(ROOT / "results" / "engine.csv")
@@ -33,24 +38,22 @@ def test_the_engine_gives_the_paper_s_joint_as_it_was_kept(kept, mujoco):
 
 def test_an_arm_s_first_swing_is_as_fast_as_the_help_says(mujoco):
     low, high = map(float, re.search(r"own resonance, (\d+) to (\d+) Hz", _WRONG).groups())
-    for arm in range(0, engine.LOGS[engine.ARM], len(engine.ARM_PLAYS_RAD)):
-        machine = engine.draw_machine(engine.ARM, arm)
-        model = engine.build_model(machine, 1e-4)
-        data = mujoco.MjData(model)
-        data.qpos[6:] = machine.of_joints("start_angle")
+    for number in range(0, engine.LOGS[engine.ARM], len(engine.ARM_PLAYS_RAD)):
+        arm = engine.draw_machine(engine.ARM, number)
+        model, data = build(mujoco, arm)
+        data.qpos[6:] = arm.of_joints("start_angle")
         mujoco.mj_forward(model, data)
         inertia = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, inertia)
         # Rotors and wrist 3 held, the other gears yield.
         squares = np.linalg.eigvals(
-            np.linalg.solve(inertia[6:11, 6:11], np.diag(machine.of_joints("K_s")[:5]))
+            np.linalg.solve(inertia[6:11, 6:11], np.diag(arm.of_joints("K_s")[:5]))
         )
         assert low < np.sqrt(squares.real.min()) / (2 * np.pi) < high
 
 
 def test_the_load_that_hangs_from_a_joint_has_its_inertia_and_gravity(mujoco):
-    model = engine.build_model(engine.mount_joint(JOINT, 1e-3), 1e-4)
-    data = mujoco.MjData(model)
+    model, data = build(mujoco, engine.mount_joint(JOINT, 1e-3))
     data.qacc[:] = 1
     mujoco.mj_inverse(model, data)
     assert data.qfrc_inverse == pytest.approx([JOINT.J_m, JOINT.J_l])
@@ -60,22 +63,19 @@ def test_the_load_that_hangs_from_a_joint_has_its_inertia_and_gravity(mujoco):
 
 
 def test_teeth_push_outside_the_gap_and_only_drag_inside_it():
-    gear = np.array([[10.0], [500.0], [2.0], [1e-3], [0.25]])  # N, K_s, D_s, delta, drag
-    applied = np.empty(2)
-    on_load = []
-    for x, rate in ((2e-3, 0.1), (5e-4, 0.1), (2e-3, -10.0), (-2e-3, 10.0)):
-        position, speed = np.array([10 * x, 0.0]), np.array([10 * rate, 0.0])
-        engine.damp_gears(position, speed, gear, applied)
-        assert applied[0] == pytest.approx(-applied[1] / 10)
-        on_load.append(applied[1])
+    x, rate = np.array([[2e-3, 5e-4, 2e-3, -2e-3], [0.1, 0.1, -10.0, 10.0]])
+    gears = np.tile([[10.0], [500.0], [2.0], [1e-3], [0.25]], 4)  # N, K_s, D_s, delta, drag
+    applied = np.empty(8)
+    engine.damp_gears(np.append(10 * x, 0 * x), np.append(10 * rate, 0 * x), gears, applied)
+    on_rotor, on_load = np.split(applied, 2)
+    assert on_rotor == pytest.approx(-on_load / 10)
     # In contact the spring pushes by 0.5 N m; when the teeth part fast, no more is left of it than the drag.
     assert on_load == pytest.approx([0.2, 0.05, -5.0 - 0.5, 5.0 + 0.5])
 
 
 def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_payload(mujoco):
     machine = engine.draw_arm(np.random.default_rng(1), 1e-3, 0.0)
-    model = engine.build_model(machine, 1e-4)
-    data = mujoco.MjData(model)
+    model, data = build(mujoco, machine)
     data.qpos[6:] = machine.of_joints("start_angle")
     squares = 0.0
     for quarter in (0.0, np.pi / 2):

@@ -5,7 +5,7 @@ import pytest
 from studies import hardware
 
 LOGS = hardware.list_logs()
-T = np.arange(0, 40, 0.01) + 2e-4 * np.sin(np.arange(4000))
+T = np.arange(0, 40, 0.01)
 SPEED = 0.6 * np.tanh(4 * np.sin(T))
 STROKES = hardware.JointLog(T, np.cumsum(SPEED) * 0.01, SPEED, np.zeros_like(T))
 
