@@ -89,6 +89,5 @@ def stepping_torque_study(
         for step in steps:
             speed = plain_steps_speed(model, delta, duration, step)
             error = (speed[first_turn:].max() - joint.Omega / TURN) / reference - 1
-            rows.append((name, delta, step, reference, error))
-    columns = ["model", "delta_rad", "step_s", "reference_rps", "error"]
-    return pd.DataFrame(rows, columns=columns)
+            rows.append((name, delta, step, error))
+    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "error"])

@@ -74,9 +74,8 @@ def _read_ur10e(file: Path, axis: int) -> JointLog:
 
 
 def _read_printed_gear(file: Path, _: int) -> JointLog:
-    table = pd.read_csv(
-        file, sep=None, engine="python"
-    )  # run-ins with ; and ns, trajectories with , and s
+    # Run-ins with ; and ns, trajectories with , and s.
+    table = pd.read_csv(file, sep=None, engine="python")
     table = table.drop_duplicates("TIME", ignore_index=True)  # of a logger that polls
     t = table["TIME"] - table["TIME"].iloc[0]
     t *= 1e-9 if t.iloc[-1] > _LONGEST_S else 1.0
@@ -160,26 +159,16 @@ def fit_rigid_load(log: JointLog) -> dict[str, float]:
     }
 
 
-def longest_way(log: JointLog) -> float:
-    """The longest movement one way, in turns of the load; the sensor needs four."""
-    speed = smooth_speed(log)
-    direction = np.sign(np.where(np.abs(speed) > _REST_RAD_S, speed, 0.0))
-    ways = np.split(log.angle, np.flatnonzero(np.diff(direction)) + 1)
-    return float(max(np.ptp(way) for way in ways) / TURN)
-
-
 def measure_all() -> pd.DataFrame:
-    """What the sensor says of every log, how far it moves one way, and what a rigid load leaves of its torque."""
+    """What the sensor says of every log."""
     return pd.DataFrame([measure_log(str(name)) for name in list_logs().index])
 
 
 def measure_log(name: str) -> dict[str, Any]:
     """What the sensor says of a log, by its name: a row of `measure_all`."""
     row = list_logs().loc[name]
-    log = load_log(row)
-    told = answer(log, row)
-    about = {"log": name, "verdict": told.verdict, "reason": told.reason, "way": longest_way(log)}
-    return about | fit_rigid_load(log)
+    told = answer(load_log(row), row)
+    return {"log": name, "verdict": told.verdict, "reason": told.reason}
 
 
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:

@@ -20,7 +20,6 @@ def test_plain_fine_steps_give_the_speed_of_located_ones():
 def test_coarser_plain_steps_are_compared_with_the_located_peak():
     study = edge.stepping_torque_study(JOINT, [9e-4], [1e-4, 5e-4])
     assert study["model"].tolist() == ["stepping"] * 2 + ["modified"] * 2
-    assert study["reference_rps"].between(0.4, 0.8).all()
     assert study.loc[study["model"] == "modified", "error"].abs().max() < 0.01
 
 

@@ -27,14 +27,10 @@ def test_a_loss_in_the_gear_is_found_beside_friction():
     carried = 20 * np.sin(STROKES.angle - 0.3)
     moving = np.tanh(SPEED / 0.02)
     torque = 3 * (carried + (2 + 0.08 * np.abs(carried)) * moving)
-    log = STROKES._replace(torque=torque)
-    fitted = hardware.fit_rigid_load(log)
+    fitted = hardware.fit_rigid_load(STROKES._replace(torque=torque))
     assert fitted["gravity"] == pytest.approx(60, rel=0.05)
     assert fitted["loss"] == pytest.approx(0.08, abs=0.01)
     assert fitted["left"] < 0.8 * fitted["left_lossless"]
-    assert hardware.longest_way(log) == pytest.approx(
-        np.ptp(log.angle[:400]) / hardware.TURN, rel=0.05
-    )
 
 
 def test_strokes_beside_the_hanging_position_are_refused_for_that():
