@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import Generator
-from pandas import DataFrame, Series
+from pandas import DataFrame
 from scipy.stats import binomtest
 
 from backlash.estimates import Estimate, estimate
@@ -198,13 +198,11 @@ def summarise(rows: DataFrame) -> DataFrame:
         **(errors < NORMAL_95),
     }
     counts = DataFrame(counted).groupby(rows["population"], sort=False).sum()
-    reasons = rows[is_refused].groupby("population")["reason"].agg(_list_reasons)
-    counts["reasons"] = reasons.reindex(counts.index, fill_value="")
+    counts["reasons"] = ""
+    for name, reasons in rows[is_refused].groupby("population")["reason"]:
+        usual = reasons.value_counts().items()
+        counts.loc[name, "reasons"] = "; ".join(f"{reason} {count}" for reason, count in usual)
     return counts.reset_index()
-
-
-def _list_reasons(reasons: Series) -> str:
-    return "; ".join(f"{reason} {count}" for reason, count in reasons.value_counts().items())
 
 
 def describe_rate(count: int, of: int) -> str:

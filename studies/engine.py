@@ -75,9 +75,10 @@ class Machine(NamedTuple):
     deltas_rad: tuple[float, ...]
     drag: float = 0.0  # share of the dampers that acts in the gap, too
 
-    def of_joints(self, name: str) -> FloatArray:
-        """A field of each joint."""
-        return np.array([getattr(joint, name) for joint in self.joints], dtype=float)
+    @property
+    def each(self) -> Any:
+        """The joints' fields, an array each."""
+        return DataFrame(self.joints).to_records()
 
 
 # ----------------------------------------------------------------------------------------------------- the engine
@@ -143,20 +144,18 @@ def _balance(machine: Machine, model: Any, Omega: FloatArray) -> Any:
     """The machine's state `lead` before t = 0: at these speeds, teeth in contact, torques in balance."""
     import mujoco
 
-    N = machine.of_joints("N")
-    angle = machine.of_joints("start_angle") - Omega / N * machine.joints[-1].lead
+    joint = machine.each
+    angle = joint.start_angle - Omega / joint.N * joint.lead[-1]
     data = mujoco.MjData(model)
-    data.qpos[:] = [*N * angle, *angle]
-    data.qvel[:] = [*Omega, *Omega / N]
+    data.qpos[:] = [*joint.N * angle, *angle]
+    data.qvel[:] = [*Omega, *Omega / joint.N]
     mujoco.mj_forward(model, data)
     links = slice(len(machine.joints), None)
     holding = data.qfrc_bias[links] - data.qfrc_passive[links]  # gravity, less viscous friction
-    holding += machine.of_joints("load_coulomb") * np.sign(Omega)
-    gaps = np.array(machine.deltas_rad) * np.sign(holding)
-    data.qpos[links] -= gaps + holding / machine.of_joints("K_s")
-    rubbing = machine.of_joints("motor_viscous") * Omega
-    rubbing += machine.of_joints("motor_coulomb") * np.sign(Omega)
-    data.act[:] = holding / N + rubbing
+    holding += joint.load_coulomb * np.sign(Omega)
+    data.qpos[links] -= machine.deltas_rad * np.sign(holding) + holding / joint.K_s
+    rubbing = joint.motor_viscous * Omega + joint.motor_coulomb * np.sign(Omega)
+    data.act[:] = holding / joint.N + rubbing
     return data
 
 
@@ -170,11 +169,11 @@ def run_engine(machine: Machine, path: FloatArray, step_s: float = STEP_S) -> Fl
     """Motor position [rad], speed [rad/s] and torque [N m] of the joint that moves on a path, a row a period."""
     import mujoco
 
-    count = len(machine.joints)
-    period = machine.joints[-1].period
-    names = ("N", "K_s", "D_s", "K_pos", "K_p", "K_i", "K_d", "K_w", "w_rate")
-    N, K_s, D_s, K_pos, K_p, K_i, K_d, K_w, w_rate = map(machine.of_joints, names)
-    gears = np.vstack([N, K_s, D_s, machine.deltas_rad, np.full(count, machine.drag)])
+    joint = machine.each
+    count = len(joint)
+    period = joint.period[-1]
+    drag = np.full(count, machine.drag)
+    gears = np.vstack([joint.N, joint.K_s, joint.D_s, machine.deltas_rad, drag])
     model = build_model(machine, step_s)
     angle, speed = np.zeros((2, count))  # that are commanded; the other joints hold
     speed[-1] = path[0, 1]
@@ -182,19 +181,19 @@ def run_engine(machine: Machine, path: FloatArray, step_s: float = STEP_S) -> Fl
     motor, start = data.qpos[:count], data.qpos[:count].copy()  # the first is a view
     leaky, last = np.zeros((2, count))
     integral = data.act.copy()
-    pending = [integral] * machine.joints[-1].delay
+    pending = [integral] * joint.delay[-1]
     rows = np.empty((len(path), 3))
     for i in range(len(path)):
         rows[i] = motor[-1], data.qvel[count - 1], data.act[-1]
         angle[-1], speed[-1] = path[i]
         # The drives, as `replication.joint` describes them.
         slow = speed - data.qvel[:count]
-        error = K_pos * (start + angle - motor) + slow
-        integral = integral + K_i * period * error
-        leaky = leaky + period * (slow - w_rate * leaky)
-        damping = K_d * (last - slow) / period
+        error = joint.K_pos * (start + angle - motor) + slow
+        integral = integral + joint.K_i * period * error
+        leaky = leaky + period * (slow - joint.w_rate * leaky)
+        damping = joint.K_d * (last - slow) / period
         last = slow
-        pending.append(K_p * error + integral + K_w * leaky - damping)
+        pending.append(joint.K_p * error + integral + joint.K_w * leaky - damping)
         data.ctrl[:] = pending.pop(0)
         for _ in range(round(period / step_s)):
             damp_gears(data.qpos, data.qvel, gears, data.qfrc_applied)

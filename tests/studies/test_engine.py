@@ -41,14 +41,12 @@ def test_an_arm_s_first_swing_is_as_fast_as_the_help_says(mujoco):
     for number in range(0, engine.LOGS[engine.ARM], len(engine.ARM_PLAYS_RAD)):
         arm = engine.draw_machine(engine.ARM, number)
         model, data = build(mujoco, arm)
-        data.qpos[6:] = arm.of_joints("start_angle")
+        data.qpos[6:] = arm.each.start_angle
         mujoco.mj_forward(model, data)
         inertia = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, inertia)
         # Rotors and wrist 3 held, the other gears yield.
-        squares = np.linalg.eigvals(
-            np.linalg.solve(inertia[6:11, 6:11], np.diag(arm.of_joints("K_s")[:5]))
-        )
+        squares = np.linalg.eigvals(np.linalg.solve(inertia[6:11, 6:11], np.diag(arm.each.K_s[:5])))
         assert low < np.sqrt(squares.real.min()) / (2 * np.pi) < high
 
 
@@ -76,7 +74,7 @@ def test_teeth_push_outside_the_gap_and_only_drag_inside_it():
 def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_payload(mujoco):
     machine = engine.draw_arm(np.random.default_rng(1), 1e-3, 0.0)
     model, data = build(mujoco, machine)
-    data.qpos[6:] = machine.of_joints("start_angle")
+    data.qpos[6:] = machine.each.start_angle
     squares = 0.0
     for quarter in (0.0, np.pi / 2):
         data.qpos[11] = quarter
