@@ -1,5 +1,7 @@
 """Logs by a physics engine that nobody here wrote, MuJoCo: the paper's joint, drawn joints, and a six-axis arm.
 
+Drawn joints turn round, or move to and fro as those of `simulated_joints` do.
+
 A joint is a rotor and a link on hinges. Its gear is a tendon of the length theta_m / N - theta_l, whose spring is slack
 over the gap; MuJoCo integrates that, friction, gravity, and how the links move each other. The digital drive, which is
 arithmetic, is written here once more, and so is the dampers' torque, because a tendon's own damper acts in the gap too.

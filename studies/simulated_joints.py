@@ -1,4 +1,4 @@
-"""Logs of joints that turn round under gravity, drawn apart from the sensor's model of them, with speed and torque.
+"""Logs of joints that turn, or move to and fro, under gravity, drawn apart from the sensor's model of them.
 
 Both sides rub by Coulomb, viscous and Stribeck friction, the gear loses a share of the torque that it carries,
 contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque
@@ -54,7 +54,7 @@ class DrivenJoint(NamedTuple):
     gravity: float
     inertia_ratio: float
     speed: float
-    vertical_rad: float  # of the load from the path's zero; where turns begin
+    vertical_rad: float  # of the load, from where it hangs, at which turns begin
     gear_loss: float  # share of the contact's torque that rubs in the gear
     load_friction: float
     load_viscous: float
@@ -159,7 +159,7 @@ def run_joint(joint, fault, path, angle, hanging):
             contact = contact if contact * bend > 0 else 0.0  # teeth do not pull
             contact += fault.drag * damper
             other = fault.second_axis * np.sin(TURN * fault.second_axis_turns * turn * t)
-            gravity = joint.gravity * (1 + other) * np.sin(angle + joint.vertical_rad)
+            gravity = joint.gravity * (1 + other) * np.sin(angle)
             cogging = joint.cogging * np.sin(6 * joint.gear_ratio * motor_angle)
             rubbing = _rubbing(
                 motor, joint.motor_friction, joint.motor_viscous, joint.motor_stribeck
@@ -231,7 +231,7 @@ def follow_path(
     hanging = joint.gravity * math.sin(start_rad)
     motor_rad = start_rad + hanging / joint.stiffness + math.copysign(joint.delta_rad, hanging)
     path = path_from(motor_rad, speed)
-    seen: FloatArray = run_joint(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
+    seen: FloatArray = run_joint(joint, fault, path, start_rad, hanging)
     return seen
 
 
