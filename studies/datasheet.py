@@ -5,8 +5,8 @@ page notebooks/datasheet.md.
 """
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -18,79 +18,89 @@ from backlash.estimates import Estimate, estimate
 from backlash.refusals import Reason, Refusal
 from studies.simulated_joints import (
     ORDINARY,
+    TO_AND_FRO,
     TURN,
     Fault,
     JointLog,
     Ranges,
+    draw_log,
     draw_log_uniform,
-    draw_strokes,
-    draw_turns,
 )
 
 SEED = 926151
 LOAD_SDS = (0.1, 0.05)  # relative, by which inertia ratio and gravity are misjudged
-BACKLASH_RAD = (2e-4, 2e-3)
-# Population: load friction over gravity, loss in the gear, logs; every sixth joint is healthy.
+
+
+class Population(NamedTuple):
+    """What the logs of a row are drawn from; every sixth joint is healthy."""
+
+    logs: int
+    friction: tuple[float, float] = (0.0, 0.4)  # of the load, over gravity
+    loss: tuple[float, float] = (0.0, 0.25)  # in the gear
+    fault: Fault = Fault()
+    ranges: Ranges = ORDINARY
+    backlash_rad: tuple[float, float] = (2e-4, 2e-3)
+
+
 TURNS = {
-    "friction 0 to 20 %, loss 0 to 10 %": ((0.0, 0.2), (0.0, 0.1), 18),
-    "friction 20 to 60 %, loss 0 to 10 %": ((0.2, 0.6), (0.0, 0.1), 18),
-    "friction 0 to 20 %, loss 10 to 25 %": ((0.0, 0.2), (0.1, 0.25), 18),
-    "friction 20 to 60 %, loss 10 to 25 %": ((0.2, 0.6), (0.1, 0.25), 18),
-    "friction 0 to 60 %, loss 25 to 40 %": ((0.0, 0.6), (0.25, 0.4), 18),
+    f"friction {100 * friction[0]:g} to {100 * friction[1]:g} %, "
+    f"loss {100 * loss[0]:g} to {100 * loss[1]:g} %": Population(18, friction, loss)
+    for friction, loss in (
+        ((0.0, 0.2), (0.0, 0.1)),
+        ((0.2, 0.6), (0.0, 0.1)),
+        ((0.0, 0.2), (0.1, 0.25)),
+        ((0.2, 0.6), (0.1, 0.25)),
+        ((0.0, 0.6), (0.25, 0.4)),
+    )
 }
-# Of a wider range: turns by rings, gears of 6 to 300, friction of 0 to 40 %, a loss of 0 to 25 %.
-WIDE_BACKLASH_RAD = (1e-4, 5e-3)
+# Of a wider range: turns by rings, gears of 6 to 300.
 WIDE_TURNS_S, WIDE_RINGS_HZ = ((0.25, 1.0), (1.0, 4.0), (4.0, 20.0)), ((12.0, 25.0), (25.0, 50.0))
+WIDE_GEARS = tuple(np.geomspace(6, 300, 100))
 WIDE = {
-    f"ring of {rings[0]:g} to {rings[1]:g} Hz, turn of {turns[0]:g} to {turns[1]:g} s": Ranges(
-        turns, tuple(np.geomspace(6, 300, 100)), rings
+    f"ring of {rings[0]:g} to {rings[1]:g} Hz, turn of {turns[0]:g} to {turns[1]:g} s": Population(
+        12, ranges=Ranges(turns, WIDE_GEARS, rings), backlash_rad=(1e-4, 5e-3)
     )
     for rings in WIDE_RINGS_HZ
     for turns in WIDE_TURNS_S
 }
-LOGS_OF_A_RANGE = 12
-# Faults, each with friction of 0 to 40 % and a loss of 0 to 25 %, and the reasons that say so.
-FAULTS = {
-    "second axis, 10 % of gravity": (Fault(second_axis=0.1), (Reason.NOT_PERIODIC, Reason.NO_FIT)),
-    "torque 10 ms late": (Fault(late_torque_s=0.01), (Reason.NO_FIT,)),
-    "torque low-passed at 30 Hz": (Fault(torque_filter_s=1 / (TURN * 30)), (Reason.NO_FIT,)),
-    "second axis at half the turn's rate": (
-        Fault(second_axis=0.05, second_axis_turns=0.5),
-        (Reason.NOT_PERIODIC,),
-    ),
-    "second axis at 1.5 times the turn's rate": (
-        Fault(second_axis=0.05, second_axis_turns=1.5),
-        (Reason.NOT_PERIODIC,),
-    ),
-    "torque a mean over 25 ms": (Fault(torque_mean_s=0.025), (Reason.NO_FIT,)),
-    "speed and torque means over 16 ms": (
-        Fault(torque_mean_s=0.016, speed_mean_s=0.016),
-        (Reason.AMBIGUOUS, Reason.NO_FIT),
-    ),
-    "each value held for 4 samples": (Fault(held=4), (Reason.TOO_SLOWLY_SAMPLED,)),
-    "teeth soft to 0.4 over 0.3 mrad": (Fault(soft_share=0.4, soft_rad=3e-4), (Reason.NO_FIT,)),
-    "teeth soft to 0.6 over 0.2 mrad": (Fault(soft_share=0.6, soft_rad=2e-4), (Reason.NO_FIT,)),
-    "a quarter of the damping in the gap": (Fault(drag=0.25), (Reason.NO_FIT,)),
-    "all of the damping in the gap": (Fault(drag=1.0), (Reason.NO_FIT,)),
-    "gear's error, 3 a turn": (
-        Fault(transmission_rad=5e-4, transmission_order=3),
-        (Reason.NO_FIT,),
-    ),
-    "gear's error, 100 a turn": (
-        Fault(transmission_rad=5e-4, transmission_order=100),
-        (Reason.NO_FIT,),
-    ),
-    "gear ratio doubled": (Fault(), (Reason.WRONG_PERIOD,)),
+DOUBLED = "gear ratio doubled"
+_FAULTS = {
+    "second axis, 10 % of gravity": Fault(second_axis=0.1),
+    "torque 10 ms late": Fault(late_torque_s=0.01),
+    "torque low-passed at 30 Hz": Fault(torque_filter_s=1 / (TURN * 30)),
+    "second axis at half the turn's rate": Fault(second_axis=0.05, second_axis_turns=0.5),
+    "second axis at 1.5 times the turn's rate": Fault(second_axis=0.05, second_axis_turns=1.5),
+    "torque a mean over 25 ms": Fault(torque_mean_s=0.025),
+    "speed and torque means over 16 ms": Fault(torque_mean_s=0.016, speed_mean_s=0.016),
+    "each value held for 4 samples": Fault(held=4),
+    "teeth soft to 0.4 over 0.3 mrad": Fault(soft_share=0.4, soft_rad=3e-4),
+    "teeth soft to 0.6 over 0.2 mrad": Fault(soft_share=0.6, soft_rad=2e-4),
+    "a quarter of the damping in the gap": Fault(drag=0.25),
+    "all of the damping in the gap": Fault(drag=1.0),
+    "gear's error, 3 a turn": Fault(transmission_rad=5e-4, transmission_order=3),
+    "gear's error, 100 a turn": Fault(transmission_rad=5e-4, transmission_order=100),
+    DOUBLED: Fault(),
 }
-LOGS_OF_A_FAULT = 4
+FAULTS = {name: Population(4, fault=fault) for name, fault in _FAULTS.items()}
+# By which the sensor says what is wrong.
+TRUE_REASONS = dict.fromkeys(FAULTS, (Reason.NO_FIT,)) | {
+    "second axis, 10 % of gravity": (Reason.NOT_PERIODIC, Reason.NO_FIT),
+    "second axis at half the turn's rate": (Reason.NOT_PERIODIC,),
+    "second axis at 1.5 times the turn's rate": (Reason.NOT_PERIODIC,),
+    "speed and torque means over 16 ms": (Reason.AMBIGUOUS, Reason.NO_FIT),
+    "each value held for 4 samples": (Reason.TOO_SLOWLY_SAMPLED,),
+    DOUBLED: (Reason.WRONG_PERIOD,),
+}
 # To and fro: ordinary joints; with more friction and loss; with a gear's error of 0.1 mrad and soft teeth.
 STROKES = {
-    "strokes": ((0.0, 0.2), (0.0, 0.1), Fault(), 18),
-    "strokes, friction": ((0.2, 0.4), (0.1, 0.25), Fault(), 12),
-    "strokes, faults": (
-        *((0.0, 0.3), (0.0, 0.2)),
-        Fault(transmission_rad=1e-4, transmission_order=2, soft_share=0.7, soft_rad=1e-4),
+    "strokes": Population(18, (0.0, 0.2), (0.0, 0.1), ranges=TO_AND_FRO),
+    "strokes, friction": Population(12, (0.2, 0.4), (0.1, 0.25), ranges=TO_AND_FRO),
+    "strokes, faults": Population(
         12,
+        (0.0, 0.3),
+        (0.0, 0.2),
+        Fault(transmission_rad=1e-4, transmission_order=2, soft_share=0.7, soft_rad=1e-4),
+        ranges=TO_AND_FRO,
     ),
 }
 NORMAL_95 = 1.96
@@ -98,38 +108,29 @@ NORMAL_95 = 1.96
 TOLD = ("stiffness_per_s2", "damping_ratio", "friction_share", "loss")
 
 
-POPULATIONS = (*TURNS, *WIDE, *FAULTS, *STROKES)
+POPULATIONS = TURNS | WIDE | FAULTS | STROKES
 
 
 def measure_all(populations: Iterable[str] = POPULATIONS) -> DataFrame:
     """Ask the sensor about every population, or some, a row a log."""
-    logs = {name: logs for name, (*_, logs) in TURNS.items()}
-    logs |= dict.fromkeys(WIDE, LOGS_OF_A_RANGE)
-    logs |= dict.fromkeys(FAULTS, LOGS_OF_A_FAULT)
-    logs |= {name: logs for name, (*_, logs) in STROKES.items()}
-    calls = [(name, number) for name in populations for number in range(logs[name])]
-    return DataFrame(Parallel(n_jobs=-1)(delayed(measure_log)(*call) for call in calls))
+    return measure_each(measure_log, {name: POPULATIONS[name].logs for name in populations})
+
+
+def measure_each(measure: Callable[[str, int], object], logs: Mapping[str, int]) -> DataFrame:
+    """Measure so many logs of each population, a row a log."""
+    calls = [(name, number) for name in logs for number in range(logs[name])]
+    return DataFrame(Parallel(n_jobs=-1)(delayed(measure)(*call) for call in calls))
 
 
 def measure_log(population: str, number: int) -> dict[str, object]:
     """Draw a log and ask the sensor; the errors of what it tells beside the backlash are in SDs."""
-    rng = np.random.default_rng((SEED, POPULATIONS.index(population), number))
-    plays = WIDE_BACKLASH_RAD if population in WIDE else BACKLASH_RAD
-    delta = 0.0 if number % 6 == 5 else draw_log_uniform(rng, *plays)
-    friction, loss, _ = TURNS.get(population, ((0.0, 0.4), (0.0, 0.25), 0))
-    fault, _ = FAULTS.get(population, (Fault(), ()))
-    if population in STROKES:
-        friction, loss, fault, _ = STROKES[population]
-    drawn = rng.uniform(*friction), rng.uniform(*loss)
-    if population in STROKES:
-        log = draw_strokes(rng, delta, *drawn, fault)
-    else:
-        log = draw_turns(rng, delta, *drawn, fault, WIDE.get(population, ORDINARY))
-    gear_ratio = log.gear_ratio * (2 if population == "gear ratio doubled" else 1)
-    try:
-        answer = ask_sensor(misjudge(rng, log), gear_ratio=gear_ratio)
-    except Refusal as refusal:  # of the record, before any fit
-        answer = Estimate("", reason=refusal.reason.value)
+    rng = np.random.default_rng((SEED, [*POPULATIONS].index(population), number))
+    drawn = POPULATIONS[population]
+    delta = 0.0 if number % 6 == 5 else draw_log_uniform(rng, *drawn.backlash_rad)
+    rubbing = rng.uniform(*drawn.friction), rng.uniform(*drawn.loss)
+    log = draw_log(rng, delta, *rubbing, drawn.fault, drawn.ranges)
+    gear_ratio = log.gear_ratio * (2 if population == DOUBLED else 1)
+    answer = ask_sensor(misjudge(rng, log), gear_ratio=gear_ratio)
     row = {"population": population, "delta_rad": delta} | describe_answer(answer)
     if answer.verdict == "backlash" and answer.joint:
         told = ((name, *answer.joint[name]) for name in TOLD)
@@ -147,8 +148,12 @@ def misjudge(rng: Generator, log: JointLog) -> JointLog:
 
 def ask_sensor(log: JointLog, **others: Any) -> Estimate:
     """What the sensor says of a log, with other options than the log's own."""
-    load = {name: getattr(log, name) for name in ("gear_ratio", "inertia_ratio", "gravity_per_s2")}
-    return estimate(log.t, log.v, **{"unit": "rps", "torque": log.torque} | load | others)
+    names = ("torque", "gear_ratio", "inertia_ratio", "gravity_per_s2")
+    given = {"unit": "rps"} | {name: getattr(log, name) for name in names} | others
+    try:
+        return estimate(log.t, log.v, **given)
+    except Refusal as refusal:  # of the record, before any fit
+        return Estimate("").with_refusal(refusal)
 
 
 def describe_answer(answer: Estimate) -> dict[str, object]:
@@ -170,34 +175,34 @@ def summarise(rows: DataFrame) -> DataFrame:
     them, and `wrong` neither right nor refused. Under the names of `TOLD` are the answers whose quantity is within 1.96
     SDs of the truth.
     """
-    return DataFrame(
-        [_summary(str(name), part) for name, part in rows.groupby("population", sort=False)]
-    )
-
-
-def _summary(population: str, part: DataFrame) -> dict[str, object]:
-    is_ill, is_refused = part["delta_rad"] > 0, part["verdict"] == "cannot tell"
-    is_answered, is_cleared = part["verdict"] == "backlash", part["verdict"] == "no backlash"
-    is_covered = is_answered & part["delta_rad"].between(part["low_rad"], part["high_rad"])
-    is_right = (is_ill & is_covered) | (~is_ill & is_cleared)
-    _, true = FAULTS.get(population, (None, ()))
-    reasons = part.loc[is_refused, "reason"].value_counts()
-    errors = part.reindex(columns=[*TOLD])[is_ill & is_answered].abs()
-    return {
-        "population": population,
-        "joints": int(is_ill.sum()),
-        "answered": int((is_ill & is_answered).sum()),
-        "covered": int((is_ill & is_covered).sum()),
-        "false_all_clears": int((is_ill & is_cleared).sum()),
-        "healthy": int((~is_ill).sum()),
-        "healthy_called": int((~is_ill & is_answered).sum()),
-        "healthy_cleared": int((~is_ill & is_cleared).sum()),
-        "right": int(is_right.sum()),
-        "true_reason": int((is_refused & part["reason"].isin([each.value for each in true])).sum()),
-        "wrong": int((~is_refused & ~is_right).sum()),
-        **(errors < NORMAL_95).sum(),
-        "reasons": "; ".join(f"{reason} {count}" for reason, count in reasons.items()),
+    is_ill = rows["delta_rad"] > 0
+    is_answered = rows["verdict"] == "backlash"
+    is_cleared = rows["verdict"] == "no backlash"
+    is_refused = rows["verdict"] == "cannot tell"
+    is_covered = is_ill & is_answered & rows["delta_rad"].between(rows["low_rad"], rows["high_rad"])
+    is_right = is_covered | (~is_ill & is_cleared)
+    true = {(name, reason.value) for name in FAULTS for reason in TRUE_REASONS[name]}
+    says_why = [each in true for each in rows[["population", "reason"]].itertuples(index=False)]
+    errors = rows.reindex(columns=[*TOLD]).where(is_ill & is_answered).abs()
+    counted = {
+        "joints": is_ill,
+        "answered": is_ill & is_answered,
+        "covered": is_covered,
+        "false_all_clears": is_ill & is_cleared,
+        "healthy": ~is_ill,
+        "healthy_called": ~is_ill & is_answered,
+        "healthy_cleared": ~is_ill & is_cleared,
+        "right": is_right,
+        "true_reason": says_why,
+        "wrong": ~is_refused & ~is_right,
+        **(errors < NORMAL_95),
     }
+    counts = DataFrame(counted).groupby(rows["population"], sort=False).sum()
+    counts["reasons"] = ""
+    for name, reasons in rows[is_refused].groupby("population")["reason"]:
+        usual = reasons.value_counts().items()
+        counts.loc[name, "reasons"] = "; ".join(f"{reason} {count}" for reason, count in usual)
+    return counts.reset_index()
 
 
 def describe_rate(count: int, of: int) -> str:
@@ -216,10 +221,10 @@ def summarise_engine(rows: DataFrame) -> DataFrame:
 def _write_ranges(wide: DataFrame) -> list[str]:
     """A table of the wider range, turns by rings."""
     cells = [f"{row.covered} / {row.answered} / {row.joints}" for row in wide.itertuples()]
-    heads = [f"{low:g}-{high:g} s" for low, high in WIDE_TURNS_S]
-    rings = [f"{low:g}-{high:g} Hz" for low, high in WIDE_RINGS_HZ]
-    rows = [[ring, *cells[len(heads) * k :][: len(heads)]] for k, ring in enumerate(rings)]
-    lines = [["Ring, by turn", *heads], ["-"] * (1 + len(heads)), *rows]
+    heads = ["Ring, by turn", *(f"{low:g}-{high:g} s" for low, high in WIDE_TURNS_S)]
+    lines = [heads, ["-"] * len(heads)]
+    for (low, high), row in zip(WIDE_RINGS_HZ, np.reshape(cells, (2, -1)), strict=True):
+        lines.append([f"{low:g}-{high:g} Hz", *row])
     return [f"| {' | '.join(line)} |" for line in lines]
 
 

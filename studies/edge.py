@@ -37,13 +37,15 @@ def refit_alphas(softest: float = ALPHAS[-1]) -> pd.DataFrame:
 
 
 @numba.njit  # not cached: it holds functions of another file
-def _plain_steps(y, speeds, lead_steps, delta, step, j):
-    """Fill in the speeds at the drive's periods, by steps that do not look for a contact."""
+def _plain_steps(y, periods, delta, step, j):
+    """Speeds at so many periods of the drive, by steps that do not look for a contact; NaN from where they diverge."""
+    speeds = np.full(periods, np.nan)
+    lead_steps = round(j.lead / step)
     memory = np.array([y[4], 0.0, 0.0, y[0]])
     pending = np.full(j.delay + 1, y[4])
     per_period = round(j.period / step)
     command = y[4]
-    for i in range(len(speeds) * per_period):
+    for i in range(periods * per_period):
         t = (i - lead_steps) * step
         if i % per_period == 0:
             speeds[i // per_period] = y[1]
@@ -59,16 +61,16 @@ def _plain_steps(y, speeds, lead_steps, delta, step, j):
             stage = simulator.advance(y, step * (0.5, 0.5, 1.0, 0.0)[k], rates)
         y = total
         if not abs(y[1]) < 10 * j.Omega:
-            return
+            break
+    return speeds
 
 
 def plain_steps_speed(joint: Joint, delta: float, duration: float, step: float) -> FloatArray:
     """Motor speed [rps] at the drive's periods from plain steps; NaN from where they diverge."""
     start, _ = simulator.balance(joint, delta)
     before = round(joint.lead / joint.period)
-    speeds = np.full(before + round(duration / joint.period), np.nan)
-    typed = simulator.compilable(joint)
-    _plain_steps(start, speeds, round(joint.lead / step), delta, step, typed)
+    periods = before + round(duration / joint.period)
+    speeds = _plain_steps(start, periods, delta, step, simulator.compilable(joint))
     return (joint.Omega + speeds[before:]) / TURN
 
 
@@ -86,8 +88,6 @@ def stepping_torque_study(
         reference = settled_peak(fine, model)
         for step in steps:
             speed = plain_steps_speed(model, delta, duration, step)
-            peak = speed[first_turn:].max() - joint.Omega / TURN
-            rows.append((name, delta, step, peak, reference, peak / reference - 1))
-    return pd.DataFrame(
-        rows, columns=["model", "delta_rad", "step_s", "peak_rps", "reference_rps", "error"]
-    )
+            error = (speed[first_turn:].max() - joint.Omega / TURN) / reference - 1
+            rows.append((name, delta, step, error))
+    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "error"])

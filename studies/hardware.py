@@ -14,10 +14,11 @@ import pandas as pd
 from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 
-from backlash.estimates import Estimate, estimate
-from backlash.refusals import Refusal
+from backlash.estimates import Estimate
 from replication.records import public_file
 from replication.signature import TURN, FloatArray
+from studies import simulated_joints
+from studies.datasheet import ask_sensor
 
 _SMOOTHING_S = 0.02  # of the speed that a rigid load follows
 _REST_RAD_S = 0.02
@@ -53,13 +54,9 @@ BECAUSE = {
 def describe_answers(answers: pd.DataFrame) -> dict[str, Any]:
     """How many logs the sensor refuses, and how many for the usual reason: from verdicts and reasons, a row a log."""
     reasons = answers.loc[answers["verdict"] == "cannot tell", "reason"]
-    usual = reasons.value_counts()
-    return {
-        "logs": len(answers),
-        "refused": len(reasons),
-        "usual": int(usual.max()) if len(usual) else 0,
-        "because": BECAUSE.get(usual.index[0], usual.index[0]) if len(usual) else "",
-    }
+    usual, count = next(iter(reasons.value_counts().items()), ("", 0))
+    because = BECAUSE.get(usual, usual)
+    return {"logs": len(answers), "refused": len(reasons), "usual": count, "because": because}
 
 
 def load_log(row: Mapping[str, Any]) -> JointLog:
@@ -77,14 +74,13 @@ def _read_ur10e(file: Path, axis: int) -> JointLog:
 
 
 def _read_printed_gear(file: Path, _: int) -> JointLog:
-    table = pd.read_csv(
-        file, sep=None, engine="python"
-    )  # run-ins with ; and ns, trajectories with , and s
+    # Run-ins with ; and ns, trajectories with , and s.
+    table = pd.read_csv(file, sep=None, engine="python")
     table = table.drop_duplicates("TIME", ignore_index=True)  # of a logger that polls
     t = table["TIME"] - table["TIME"].iloc[0]
     t *= 1e-9 if t.iloc[-1] > _LONGEST_S else 1.0
-    turns, speed_rps = table["POSITION"], table["VELOCITY"]
-    return JointLog(*np.array([t, TURN * turns, TURN * speed_rps, table["TORQUE"]]))
+    moved = TURN * table[["POSITION", "VELOCITY"]]
+    return JointLog(*np.column_stack([t, moved, table["TORQUE"]]).T)
 
 
 def _read_kr300(file: Path, axis: int) -> JointLog:
@@ -114,18 +110,9 @@ _READERS: dict[str, Callable[[Path, int], JointLog]] = {
 def answer(log: JointLog, row: Mapping[str, Any]) -> Estimate:
     """Estimate by the torque, from what is known of the load."""
     ratio = row["gear_ratio"]
-    try:
-        return estimate(
-            log.t,
-            ratio * log.speed,
-            torque=log.torque,
-            unit="rad/s",
-            gear_ratio=ratio,
-            inertia_ratio=row["inertia_ratio"],
-            gravity_per_s2=row["gravity_per_s2"] or _ASSUMED_GRAVITY,
-        )
-    except Refusal as refusal:  # of a log that cannot be used
-        return Estimate("").with_refusal(refusal)
+    load = ratio, row["inertia_ratio"], row["gravity_per_s2"] or _ASSUMED_GRAVITY
+    asked = simulated_joints.JointLog(log.t, ratio * log.speed, log.torque, *load, {})
+    return ask_sensor(asked, unit="rad/s")
 
 
 def smooth_speed(log: JointLog) -> FloatArray:
@@ -144,7 +131,7 @@ def regress(terms: FloatArray, y: FloatArray, block: int) -> tuple[Any, Any]:
     return coefficients, np.sqrt(np.diag(bread @ scores.T @ scores @ bread))
 
 
-def fit_rigid_load(log: JointLog) -> pd.Series:
+def fit_rigid_load(log: JointLog) -> dict[str, float]:
     """Regress the torque on a rigid load under gravity, friction and a loss in the gear; with the loss's SD.
 
     `gravity` is in the torque's unit, with the angle `zero` at which it has none; `friction`, and what is `left` with
@@ -156,44 +143,32 @@ def fit_rigid_load(log: JointLog) -> pd.Series:
     terms = np.array([sine, cosine, acceleration, moving, speed, np.ones_like(speed)]).T
     block = max(int(_BLOCK_S / np.median(np.diff(log.t))), 1)
     lossless, _ = regress(terms, log.torque, block)
-    gravity = float(np.hypot(*lossless[:2]))
+    gravity = np.hypot(*lossless[:2])
     # A share of the torque that the gear carries, against the movement.
     carried = np.abs(terms[:, :2] @ lossless[:2]) * moving
     design = np.column_stack([terms, carried])
     unknowns, sds = regress(design, log.torque, block)
-    return pd.Series(
-        {
-            "gravity": gravity,
-            "friction": unknowns[3] / gravity,
-            "zero": float(np.arctan2(-lossless[1], lossless[0])),
-            "loss": unknowns[-1],
-            "loss_sd": sds[-1],
-            "left": (log.torque - design @ unknowns).std() / gravity,
-            "left_lossless": (log.torque - terms @ lossless).std() / gravity,
-        }
-    )
-
-
-def longest_way(log: JointLog) -> float:
-    """The longest movement one way, in turns of the load; the sensor needs four."""
-    speed = smooth_speed(log)
-    direction = np.sign(np.where(np.abs(speed) > _REST_RAD_S, speed, 0.0))
-    ways = np.split(log.angle, np.flatnonzero(np.diff(direction)) + 1)
-    return float(max(np.ptp(way) for way in ways) / TURN)
+    return {
+        "gravity": gravity,
+        "friction": unknowns[3] / gravity,
+        "zero": np.arctan2(-lossless[1], lossless[0]),
+        "loss": unknowns[-1],
+        "loss_sd": sds[-1],
+        "left": (log.torque - design @ unknowns).std() / gravity,
+        "left_lossless": (log.torque - terms @ lossless).std() / gravity,
+    }
 
 
 def measure_all() -> pd.DataFrame:
-    """What the sensor says of every log, how far it moves one way, and what a rigid load leaves of its torque."""
+    """What the sensor says of every log."""
     return pd.DataFrame([measure_log(str(name)) for name in list_logs().index])
 
 
 def measure_log(name: str) -> dict[str, Any]:
     """What the sensor says of a log, by its name: a row of `measure_all`."""
     row = list_logs().loc[name]
-    log = load_log(row)
-    told = answer(log, row)
-    about = {"log": name, "verdict": told.verdict, "reason": told.reason, "way": longest_way(log)}
-    return about | fit_rigid_load(log).to_dict()
+    told = answer(load_log(row), row)
+    return {"log": name, "verdict": told.verdict, "reason": told.reason}
 
 
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
@@ -202,14 +177,13 @@ def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:
     Regressed beside torque, speed, acceleration and angle; residuals of half a second count as one.
     """
     block = round(_BLOCK_S / (logs[0].t[1] - logs[0].t[0]))
-    z = np.concatenate([_list_motion(log, block) for log in logs])
-    terms, parted = z[:, :-1], z[:, -1]
-    coefficients, sds = regress(terms, parted, block)
-    half = stats.t.ppf(0.975, len(z) // block - 1) * sds
-    ends = {"low_rad": coefficients - half, "high_rad": coefficients + half}
-    table = pd.DataFrame({"coefficient_rad": coefficients, **ends})
-    by_sign = table[:2].set_axis(["sign of torque", "sign of speed"])
-    return by_sign[terms[:, :2].var(axis=0) > _LEAST_VARIANCE]
+    terms, parted = np.split(np.vstack([_list_motion(log, block) for log in logs]), [-1], axis=1)
+    by_sign, sds = (each[:2] for each in regress(terms, parted[:, 0], block))
+    half = stats.t.ppf(0.975, len(terms) // block - 1) * sds
+    ends = {"low_rad": by_sign - half, "high_rad": by_sign + half}
+    signs = ["sign of torque", "sign of speed"]
+    table = pd.DataFrame({"coefficient_rad": by_sign, **ends}, index=signs)
+    return table[terms[:, :2].var(axis=0) > _LEAST_VARIANCE]
 
 
 def _list_motion(log: JointLog, block: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Logs of joints that turn round under gravity, drawn apart from the sensor's model of them, with speed and torque.
+"""Logs of joints that turn, or move to and fro, under gravity, drawn apart from the sensor's model of them.
 
 Both sides rub by Coulomb, viscous and Stribeck friction, the gear loses a share of the torque that it carries,
 contacts damp, the motor cogs, the drive is a P-PI cascade with a current loop on a quantised encoder, whose torque
@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
+from pandas import Series
 
 from replication.compilation import njit
 from replication.signature import FloatArray
@@ -24,6 +25,7 @@ _TURNS = 12
 _TURNS_BEFORE = 2
 _LARGEST = 0.1  # of the speed, that a tuned joint strays from it by
 _SETTLING_S = 0.2  # after which a stroke has its speed
+_STROKE_RAD_PER_S = (1.0, 2.0)
 
 
 class Fault(NamedTuple):
@@ -52,7 +54,7 @@ class DrivenJoint(NamedTuple):
     gravity: float
     inertia_ratio: float
     speed: float
-    vertical_rad: float  # of the load from the path's zero; where turns begin
+    vertical_rad: float  # of the load, from where it hangs, at which turns begin
     gear_loss: float  # share of the contact's torque that rubs in the gear
     load_friction: float
     load_viscous: float
@@ -60,8 +62,8 @@ class DrivenJoint(NamedTuple):
     motor_friction: float
     motor_viscous: float
     motor_stribeck: float
-    cogging: float
-    cogging_order: float
+    cogging: float  # six times in a turn of the motor
+    gear_ratio: float
     position_gain: float
     speed_gain: float
     integral_gain: float
@@ -73,12 +75,13 @@ class DrivenJoint(NamedTuple):
 class Ranges(NamedTuple):
     """What the turn, the gear and the ring of a joint are drawn from."""
 
-    turns_s: tuple[float, float] = (0.5, 2.5)
+    turns_s: tuple[float, ...] = (0.5, 2.5)  # none: strokes
     gear_ratios: tuple[float, ...] = (50, 80, 100, 101, 121, 160)
     rings_hz: tuple[float, float] = (12.0, 50.0)
 
 
 ORDINARY = Ranges()
+TO_AND_FRO = Ranges(())
 
 
 class JointLog(NamedTuple):
@@ -95,7 +98,8 @@ class JointLog(NamedTuple):
 
 def true_quantities(joint: DrivenJoint, fault: Fault) -> dict[str, float]:
     """Find the joint's quantities as the sensor means them: stiffness up to gravity's torque, friction at its speed."""
-    gravity, stiffness, rate = joint.gravity, joint.stiffness, joint.speed / _STRIBECK_RAD_PER_S
+    gravity, stiffness = joint.gravity, joint.stiffness
+    rate = joint.speed / _STRIBECK_RAD_PER_S
     soft = (1 - fault.soft_share) * fault.soft_rad
     wind_up = min(gravity / (fault.soft_share * stiffness), gravity / stiffness + soft)
     friction = joint.load_friction * (1 + joint.load_stribeck * math.exp(-(rate**2)))
@@ -155,8 +159,8 @@ def run_joint(joint, fault, path, angle, hanging):
             contact = contact if contact * bend > 0 else 0.0  # teeth do not pull
             contact += fault.drag * damper
             other = fault.second_axis * np.sin(TURN * fault.second_axis_turns * turn * t)
-            gravity = joint.gravity * (1 + other) * np.sin(angle + joint.vertical_rad)
-            cogging = joint.cogging * np.sin(joint.cogging_order * motor_angle)
+            gravity = joint.gravity * (1 + other) * np.sin(angle)
+            cogging = joint.cogging * np.sin(6 * joint.gear_ratio * motor_angle)
             rubbing = _rubbing(
                 motor, joint.motor_friction, joint.motor_viscous, joint.motor_stribeck
             )
@@ -205,7 +209,7 @@ def draw_joint(
         motor_viscous=gravity * rng.uniform(0.0, 0.1) / speed,
         motor_stribeck=rng.uniform(0.0, 0.5),
         cogging=gravity * rng.uniform(0.0, 0.03),
-        cogging_order=6 * gear_ratio,
+        gear_ratio=gear_ratio,
         position_gain=bandwidth * rng.uniform(0.05, 0.2),
         speed_gain=gain,
         integral_gain=gain * bandwidth / rng.uniform(4.0, 10.0),
@@ -215,15 +219,19 @@ def draw_joint(
     )
 
 
+def path_from(start_rad: float, speed: FloatArray) -> FloatArray:
+    """Angle and speed in each control period, from an angle."""
+    return np.column_stack([np.cumsum([start_rad, *speed[:-1] * CONTROL_S]), speed])
+
+
 def follow_path(
     joint: DrivenJoint, fault: Fault, start_rad: float, speed: FloatArray
 ) -> FloatArray:
     """Measured speed and torque of each control period, from rest; the load hangs down at the angle 0."""
     hanging = joint.gravity * math.sin(start_rad)
     motor_rad = start_rad + hanging / joint.stiffness + math.copysign(joint.delta_rad, hanging)
-    wanted = np.cumsum([motor_rad, *speed[:-1] * CONTROL_S])
-    path = np.column_stack([wanted, speed])
-    seen: FloatArray = run_joint(joint._replace(vertical_rad=0.0), fault, path, start_rad, hanging)
+    path = path_from(motor_rad, speed)
+    seen: FloatArray = run_joint(joint, fault, path, start_rad, hanging)
     return seen
 
 
@@ -236,23 +244,30 @@ def run_turns(joint: DrivenJoint, fault: Fault) -> FloatArray:
     return seen[round(_TURNS_BEFORE * turn_s / CONTROL_S) :]
 
 
-def draw_turns(
-    rng: Generator,
-    delta_rad: float,
-    friction: float = 0.03,
-    loss: float = 0.0,
-    fault: Fault = Fault(),  # noqa: B008
-    ranges: Ranges = ORDINARY,
-) -> JointLog:
-    """Draw a log of twelve turns with noise; a joint that its drive does not keep at its speed is drawn again."""
-    while True:
-        speed = TURN / draw_log_uniform(rng, *ranges.turns_s)
-        gear_ratio = float(rng.choice(ranges.gear_ratios))
-        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss, ranges.rings_hz)
-        seen = run_turns(joint, fault)
-        if np.abs(seen[:, 0] / joint.speed - 1).max() < _LARGEST:
-            break
-    return log_turns(rng, joint, gear_ratio, fault, seen)
+def stroke_speeds(
+    speed: float, ends_rad: FloatArray, strokes: int = 10, ramp_s: float = 0.3, rest_s: float = 0.3
+) -> FloatArray:
+    """Speed of each control period of strokes between two ends, from the first one, each with ramps and a rest."""
+    ramp = np.arange(0.5, ramp_s / CONTROL_S) * CONTROL_S / ramp_s
+    flat = np.ones(round((np.ptp(ends_rad) / speed - ramp_s) / CONTROL_S))
+    rest = np.zeros(round(rest_s / CONTROL_S))
+    stroke = np.concatenate([ramp, flat, ramp[::-1], rest])
+    first = speed * np.sign(ends_rad[1] - ends_rad[0])
+    return np.append(rest, np.outer(first * (-1) ** np.arange(strokes), stroke))
+
+
+def draw_strokes(rng: Generator, speed: float) -> tuple[float, FloatArray]:
+    """Draw 8 to 12 strokes through the hanging position: the angle of their start, and speeds of control periods."""
+    ends = np.radians([-1, 1] * rng.uniform(60, 90, 2)) * rng.choice([-1, 1])
+    ramp_s, rest_s = rng.uniform(0.15, 0.4), rng.uniform(0.1, 0.5)
+    return ends[0], stroke_speeds(speed, ends, int(rng.integers(8, 13)), ramp_s, rest_s)
+
+
+def keeps_speed(joint: DrivenJoint, seen: FloatArray, wanted: FloatArray) -> bool:
+    """Whether the joint's drive keeps it at its speed wherever it is to have it."""
+    has_speed = Series(np.abs(wanted) == joint.speed)
+    is_settled = has_speed.rolling(round(_SETTLING_S / CONTROL_S), min_periods=1).min() > 0
+    return bool(np.abs(seen[is_settled, 0] / wanted[is_settled] - 1).max() < _LARGEST)
 
 
 def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
@@ -262,74 +277,45 @@ def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
     return np.convolve(padded, np.full(periods, 1 / periods), "valid")
 
 
-def stroke_speeds(
-    speed: float, ends_rad: FloatArray, strokes: int, ramp_s: float, rest_s: float
-) -> FloatArray:
-    """Speed of each control period of strokes between two ends, from the first one, each with ramps and a rest."""
-    ramp = np.arange(0.5, ramp_s / CONTROL_S) * CONTROL_S / ramp_s
-    flat = np.ones(round((np.ptp(ends_rad) / speed - ramp_s) / CONTROL_S))
-    rest = np.zeros(round(rest_s / CONTROL_S))
-    stroke = np.concatenate([speed * ramp, speed * flat, speed * ramp[::-1], rest])
-    way = np.sign(ends_rad[1] - ends_rad[0])
-    return np.concatenate([rest, *(way * (-1) ** k * stroke for k in range(strokes))])
-
-
-def run_strokes(
-    joint: DrivenJoint,
-    fault: Fault,
-    ends_rad: FloatArray,
-    strokes: int = 10,
-    ramp_s: float = 0.3,
-    rest_s: float = 0.3,
-) -> tuple[FloatArray, FloatArray]:
-    """Measured speed and torque of each control period of strokes between two ends; and the speed that is wanted."""
-    wanted = stroke_speeds(joint.speed, ends_rad, strokes, ramp_s, rest_s)
-    return follow_path(joint, fault, float(ends_rad[0]), wanted), wanted
-
-
-def draw_strokes(
+def draw_log(
     rng: Generator,
     delta_rad: float,
     friction: float = 0.03,
     loss: float = 0.0,
     fault: Fault = Fault(),  # noqa: B008
+    ranges: Ranges = ORDINARY,
 ) -> JointLog:
-    """Draw a log of 8 to 12 strokes through the hanging position with noise, as those of turns are drawn."""
+    """Draw a log of turns or strokes with noise; a joint that its drive does not keep at its speed is drawn again."""
     while True:
-        gear_ratio = float(rng.choice(ORDINARY.gear_ratios))
-        joint = draw_joint(rng, delta_rad, rng.uniform(1.0, 2.0), gear_ratio, friction, loss)
-        ends = np.radians([-1, 1] * rng.uniform(60, 90, 2)) * rng.choice([-1, 1])
-        timing = rng.uniform(0.15, 0.4), rng.uniform(0.1, 0.5)
-        seen, wanted = run_strokes(joint, fault, ends, int(rng.integers(8, 13)), *timing)
-        window = np.ones(round(_SETTLING_S / CONTROL_S))
-        is_flat = (
-            np.convolve(np.abs(wanted) == joint.speed, window)[: wanted.size] > window.size - 1
-        )
-        if np.abs(seen[is_flat, 0] / wanted[is_flat] - 1).max() < _LARGEST:
-            break
-    return log_turns(rng, joint, gear_ratio, fault, seen)
+        turn_s = draw_log_uniform(rng, *ranges.turns_s) if ranges.turns_s else None
+        gear_ratio = float(rng.choice(ranges.gear_ratios))
+        speed = TURN / turn_s if turn_s else rng.uniform(*_STROKE_RAD_PER_S)
+        joint = draw_joint(rng, delta_rad, speed, gear_ratio, friction, loss, ranges.rings_hz)
+        if turn_s:
+            seen = run_turns(joint, fault)
+            wanted = np.full(len(seen), speed)
+        else:
+            start_rad, wanted = draw_strokes(rng, speed)
+            seen = follow_path(joint, fault, start_rad, wanted)
+        if keeps_speed(joint, seen, wanted):
+            return log_joint(rng, joint, fault, seen)
 
 
-def log_turns(
-    rng: Generator, joint: DrivenJoint, gear_ratio: float, fault: Fault, seen: FloatArray
-) -> JointLog:
+def log_joint(rng: Generator, joint: DrivenJoint, fault: Fault, seen: FloatArray) -> JointLog:
     """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
     v = running_mean(seen[:, 0], fault.speed_mean_s)[late::every]
     torque = running_mean(seen[:, 1], fault.torque_mean_s)[: len(seen) - late : every]
-    v_noise = rng.uniform(0, 0.002) * joint.speed
-    torque_noise = rng.uniform(0.002, 0.01) * joint.gravity
-    v = v + v_noise * rng.standard_normal(v.size)
-    torque = torque + torque_noise * rng.standard_normal(torque.size)
-    stands = np.arange(v.size) // fault.held * fault.held
-    v, torque = v[stands], torque[stands]
+    noise = rng.uniform([0, 0.002], [0.002, 0.01]) * (joint.speed, joint.gravity)
+    noisy = np.array([v, torque]) + noise[:, None] * rng.standard_normal((2, v.size))
+    v, torque = noisy[:, np.arange(v.size) // fault.held * fault.held]
     count = joint.gravity * 4 / 2.0 ** rng.integers(11, 15)
     return JointLog(
         every * CONTROL_S * np.arange(v.size, dtype=float),
-        v * gear_ratio / TURN,
+        v * joint.gear_ratio / TURN,
         count * np.rint(torque / count),
-        gear_ratio,
+        joint.gear_ratio,
         joint.inertia_ratio,
         joint.gravity,
         true_quantities(joint, fault),

@@ -22,10 +22,10 @@ TURN = LogOptions(turn_period_s=0.4)
 
 
 @lru_cache
-def noisy(delta_rad: float = 9e-4, noise_rps: float = 0.1, seed: int = 1) -> Recording:
+def noisy(delta_rad: float = 9e-4) -> Recording:
     """Twelve turns of the paper's joint."""
     run = simulate(identified_joint(), delta_rad)
-    noise = np.random.default_rng(seed).uniform(-noise_rps, noise_rps, run.v.size)
+    noise = np.random.default_rng(1).uniform(-0.1, 0.1, run.v.size)
     return Recording(run.t, run.v + noise, 100.0, 0.4, "simulated")
 
 

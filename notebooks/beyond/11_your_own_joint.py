@@ -297,12 +297,13 @@ swung = None
 while swung is None or not keeps_speed(swung):  # its drive is drawn, too
     swung = simulated_joints.draw_joint(rng, backlash_rad, 1.5, 100, 0.1, 0.05)
 ends_rad = np.radians([-75, 70])  # of the load, from where it hangs
-moved, wanted = simulated_joints.run_strokes(swung, healthy, ends_rad)
+wanted = simulated_joints.stroke_speeds(swung.speed, ends_rad)
+moved = simulated_joints.follow_path(swung, healthy, ends_rad[0], wanted)
 runs = {"turns": simulated_joints.run_turns(swung, healthy), "strokes": moved}
 by_movement = {}
 for name, seen in runs.items():
     rng = np.random.default_rng((bench_seed, 6))
-    recorded = simulated_joints.log_turns(rng, swung, 100, healthy, seen)
+    recorded = simulated_joints.log_joint(rng, swung, healthy, seen)
     by_movement[name] = datasheet.ask_sensor(recorded)
     print(f"{name}: {by_movement[name].summary}")
 

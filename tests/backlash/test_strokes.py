@@ -18,7 +18,7 @@ from backlash.torque.strokes import measure_strokes, state_strokes
 from backlash.torque.unknowns import NAMES
 from replication.files import ROOT
 from replication.records import Recording
-from studies.simulated_joints import CONTROL_S, TURN, Fault, draw_strokes, stroke_speeds
+from studies.simulated_joints import CONTROL_S, TO_AND_FRO, TURN, Fault, draw_log, stroke_speeds
 from tests.backlash.test_torque_answer import answer, is_covered
 
 DELTA_RAD = 9e-4
@@ -27,7 +27,7 @@ RATIO, GRAVITY = 100.0, 30.0
 
 @pytest.fixture(scope="module")
 def drawn():
-    return draw_strokes(np.random.default_rng((83, 0)), DELTA_RAD, 0.1, 0.05)
+    return draw_log(np.random.default_rng((83, 0)), DELTA_RAD, 0.1, 0.05, ranges=TO_AND_FRO)
 
 
 def recorded(log) -> Recording:
@@ -67,13 +67,14 @@ def test_the_backlash_is_told_at_the_hanging_position_by_how_many_strokes_over_w
 
 @pytest.mark.slow
 def test_a_healthy_joint_is_not_called_and_most_drawn_ones_are_answered():
-    healthy = draw_strokes(np.random.default_rng((83, 1)), 0.0, 0.1, 0.05)
+    healthy = draw_log(np.random.default_rng((83, 1)), 0.0, 0.1, 0.05, ranges=TO_AND_FRO)
     assert answer(healthy).verdict != "backlash"
     outcomes = []
     for number in range(6):
         rng = np.random.default_rng((84, number))
         delta = float(rng.uniform(4e-4, 1.5e-3))
-        estimate = answer(draw_strokes(rng, delta, rng.uniform(0, 0.2), rng.uniform(0, 0.1)))
+        drawn = delta, rng.uniform(0, 0.2), rng.uniform(0, 0.1)
+        estimate = answer(draw_log(rng, *drawn, ranges=TO_AND_FRO))
         assert estimate.verdict != "no backlash"
         outcomes.append((estimate.verdict == "backlash", is_covered(estimate, delta)))
     answered, covered = np.sum(outcomes, axis=0)
@@ -133,8 +134,8 @@ ANSWER = """
 import json, numpy as np
 from tests.backlash.test_torque_answer import answer
 from tests.backlash.test_strokes import DELTA_RAD
-from studies.simulated_joints import draw_strokes
-log = draw_strokes(np.random.default_rng((83, 0)), DELTA_RAD, 0.1, 0.05)
+from studies.simulated_joints import TO_AND_FRO, draw_log
+log = draw_log(np.random.default_rng((83, 0)), DELTA_RAD, 0.1, 0.05, ranges=TO_AND_FRO)
 print(json.dumps(answer(log).to_dict()))
 """
 
@@ -224,7 +225,6 @@ def test_strokes_without_a_torque_are_asked_for_it():
 
 
 def test_a_running_mean_of_the_torque_gets_no_answer():
-    log = draw_strokes(
-        np.random.default_rng((83, 0)), DELTA_RAD, 0.1, 0.05, Fault(torque_mean_s=0.025)
-    )
+    rng = np.random.default_rng((83, 0))
+    log = draw_log(rng, DELTA_RAD, 0.1, 0.05, Fault(torque_mean_s=0.025), TO_AND_FRO)
     assert answer(log).verdict == "cannot tell"

@@ -19,7 +19,7 @@ from replication.joint import GRAVITY
 from replication.records import Recording
 from studies.datasheet import ask_sensor as answer
 from studies.datasheet import misjudge
-from studies.simulated_joints import Fault, JointLog, draw_turns
+from studies.simulated_joints import Fault, JointLog, draw_log
 
 DELTA = 9e-4
 
@@ -30,7 +30,7 @@ def is_covered(estimate: backlash.Estimate, delta: float) -> bool:
 
 
 def draw_plain() -> JointLog:
-    return draw_turns(np.random.default_rng((31, 0)), DELTA, 0.15, 0.1)
+    return draw_log(np.random.default_rng((31, 0)), DELTA, 0.15, 0.1)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_the_answer_shows_what_it_rests_on(plain, answered):
 
 @pytest.mark.slow
 def test_a_gear_that_loses_much_torque_is_answered():
-    assert is_covered(answer(draw_turns(np.random.default_rng((31, 3)), DELTA, 0.1, 0.4)), DELTA)
+    assert is_covered(answer(draw_log(np.random.default_rng((31, 3)), DELTA, 0.1, 0.4)), DELTA)
 
 
 UNKNOWN_BESIDE = {
@@ -79,7 +79,7 @@ UNKNOWN_BESIDE = {
 @pytest.mark.parametrize("name", UNKNOWN_BESIDE)
 def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
     fault, true = UNKNOWN_BESIDE[name]
-    estimate = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
+    estimate = answer(draw_log(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
     low, high = estimate.backlash_interval_rad
     assert abs(estimate.backlash_rad - DELTA) < 0.75 * (high - low)  # three SDs
     value, sd = estimate.joint[name]
@@ -89,7 +89,7 @@ def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
 
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
-    log = draw_turns(np.random.default_rng((31, 0)), 0.0, 0.2, 0.1)
+    log = draw_log(np.random.default_rng((31, 0)), 0.0, 0.2, 0.1)
     estimate = answer(log)
     assert estimate.verdict == "no backlash"
     assert estimate.backlash_interval_rad[1] < 5e-5
@@ -101,7 +101,7 @@ def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
 
 
 def drawn_with(**fault) -> JointLog:
-    return draw_turns(np.random.default_rng((246, 1)), DELTA, 0.05, fault=Fault(**fault))
+    return draw_log(np.random.default_rng((246, 1)), DELTA, 0.05, fault=Fault(**fault))
 
 
 def wandering(log: JointLog) -> JointLog:
@@ -125,12 +125,13 @@ LACKING = {
     "the gear's error": (
         lambda log: drawn_with(transmission_rad=5e-4, transmission_order=3),
         Reason.NO_FIT,
-        "an error of the gear",
+        "is the arm stiff beside the payload (its first swing, at 6 to 15 Hz, usually refuses a wrist's log)? "
+        "is there a belt, or an error of the gear?",
     ),
     "a clock that wanders": (wandering, Reason.NOT_PERIODIC, "from turn to turn"),
     "a late torque": (lambda log: drawn_with(late_torque_s=0.01), Reason.NO_FIT, "ms too late"),
     "speed and torque that are means": (
-        lambda log: draw_turns(
+        lambda log: draw_log(
             *(np.random.default_rng((41, 2)), DELTA, 0.1, 0.05),
             fault=Fault(torque_mean_s=0.016, speed_mean_s=0.016),
         ),
@@ -138,7 +139,7 @@ LACKING = {
         "if speed and torque are means over some 16 ms, 1.1 mrad",
     ),
     "friction and losses above gravity": (
-        lambda log: draw_turns(np.random.default_rng((150, 4)), DELTA, 1.15),
+        lambda log: draw_log(np.random.default_rng((150, 4)), DELTA, 1.15),
         Reason.NO_REVERSAL,
         "on one flank",
     ),
@@ -180,8 +181,7 @@ def test_a_wrong_gear_ratio_is_refused_and_the_right_one_named(plain, factor):
     ],
 )
 def test_a_load_that_cannot_be_is_refused(plain, wrong):
-    with pytest.raises(backlash.Refusal, match="above 0"):
-        answer(plain, **wrong)
+    assert "above 0" in answer(plain, **wrong).explanation
 
 
 def masses_of(log: JointLog) -> dict:
@@ -213,7 +213,7 @@ def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain):
 
 def answer_as_given(rng, delta: float, friction: float, loss: float) -> backlash.Estimate:
     """The answer on a drawn joint whose load is known within the SDs that are assumed of it."""
-    return answer(misjudge(rng, draw_turns(rng, delta, friction, loss)))
+    return answer(misjudge(rng, draw_log(rng, delta, friction, loss)))
 
 
 def draw_delta(rng) -> float:
@@ -270,7 +270,7 @@ def test_the_answer_of_a_known_log_is_the_known_one_to_1e_9_however_it_is_writte
 def test_no_verdict_flips_and_no_answer_moves_by_a_percent_however_a_log_is_written():
     for number in range(8):
         rng = np.random.default_rng((77, number))
-        log = draw_turns(rng, draw_delta(rng), rng.uniform(0, 0.6), rng.uniform(0, 0.25))
+        log = draw_log(rng, draw_delta(rng), rng.uniform(0, 0.6), rng.uniform(0, 0.25))
         first, *others = (
             answer(log._replace(t=t, v=v, torque=torque))
             for t, v, torque in (each(log.t, log.v, log.torque) for each in SAME.values())

@@ -30,13 +30,13 @@ from backlash.torque.problem import measure_turn, state_problem
 from backlash.torque.search import descend, evaluate, hold_delta
 from backlash.torque.unknowns import FIRST_STEP, NAMES
 from replication.records import Recording
-from studies.simulated_joints import draw_turns
+from studies.simulated_joints import draw_log
 
 
 @pytest.fixture(scope="module")
 def problem():
     """What is compared of a drawn joint, and unknowns near it."""
-    log = draw_turns(np.random.default_rng(4), 9e-4, 0.2, 0.1)
+    log = draw_log(np.random.default_rng(4), 9e-4, 0.2, 0.1)
     record = Recording(
         log.t, log.v, float(log.v.mean()), log.gear_ratio / float(log.v.mean()), "made"
     )

@@ -4,20 +4,18 @@ import re
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from replication.files import ROOT
 from studies import datasheet
 
 
 def rows(population: str) -> pd.DataFrame:
-    """Of six joints: two answered, one covered, a false all-clear, a refusal; healthy ones called and cleared."""
-    verdicts = ["backlash", "backlash", "no backlash", "cannot tell", "backlash", "no backlash"]
-    return pd.DataFrame(
+    """Of ten joints 1 covered, 2 answered otherwise, 3 all clear, 4 refused; of healthy ones 5 called, 6 cleared."""
+    kinds = pd.DataFrame(
         {
             "population": population,
-            "delta_rad": [1e-3, 1e-3, 1e-3, 1e-3, 0.0, 0.0],
-            "verdict": verdicts,
+            "delta_rad": [1e-3] * 4 + [0.0] * 2,
+            "verdict": ["backlash"] * 2 + ["no backlash", "cannot tell", "backlash", "no backlash"],
             "reason": ["", "", "", "too noisy", "", ""],
             "low_rad": [9e-4, 1.1e-3, 0, np.nan, 4e-4, 0],
             "high_rad": [1.2e-3, 1.3e-3, 4e-5, np.nan, 6e-4, 4e-5],
@@ -25,45 +23,33 @@ def rows(population: str) -> pd.DataFrame:
             "friction_share": [-1.9, 1.9, np.nan, np.nan, 0.1, np.nan],
         }
     )
+    return kinds.loc[kinds.index.repeat([1, 2, 3, 4, 5, 6])].reset_index(drop=True)
 
 
 def test_answers_covers_and_errors_are_counted():
     row = datasheet.summarise(rows("one")).iloc[0]
-    counts = {"joints": 4, "answered": 2, "covered": 1, "false_all_clears": 1}
-    counts |= {"healthy": 2, "healthy_called": 1, "healthy_cleared": 1}
-    counts |= {"right": 2, "true_reason": 0, "wrong": 3, "reasons": "too noisy 1", "loss": 1}
-    counts |= {"friction_share": 2}
-    assert row[[*counts]].to_dict() == counts
+    assert row["joints":"wrong"].tolist() == [10, 3, 1, 3, 11, 5, 6, 7, 0, 10]
+    assert row[["reasons", "loss", "friction_share"]].tolist() == ["too noisy 4", 1, 3]
 
 
 def test_a_fault_s_refusal_is_true_or_not():
-    refused = rows("gear ratio doubled").assign(verdict="cannot tell", reason="wrong period")
+    refused = rows(datasheet.DOUBLED).assign(verdict="cannot tell", reason="wrong period")
     refused.loc[0, "reason"] = "too noisy"
     row = datasheet.summarise(refused).iloc[0]
-    assert row[["right", "true_reason", "wrong"]].tolist() == [0, 5, 0]
+    assert row[["right", "true_reason", "wrong"]].tolist() == [0, 20, 0]
 
 
-def test_the_engine_s_healthy_joints_stand_beside_its_others():
-    twin = pd.DataFrame({"population": ["twin"], "nrmse": [1e-3]})
-    table = pd.concat([twin, rows("turns"), rows("turns, healthy"), rows("arm")])
-    sheet = datasheet.summarise_engine(table)
-    assert sheet["population"].tolist() == ["MuJoCo, turns", "MuJoCo, arm"]
-    assert sheet["answered"].tolist() == [4, 2]
-
-
-def test_the_page_has_every_population_and_at_most_300_words():
-    names = [*datasheet.POPULATIONS]
-    sheet = datasheet.summarise(pd.concat([rows(name) for name in names]))
-    engines = ["MuJoCo, turns", "MuJoCo, drag in the gap", "MuJoCo, arm"]
-    engine = datasheet.summarise(pd.concat([rows(name) for name in engines]))
-    names += engines
-    page = datasheet.write_page(sheet, engine)
-    assert all(name in page for name in names if name not in datasheet.WIDE)
-    assert "| 25-50 Hz | 1 / 2 / 4 | 1 / 2 / 4 | 1 / 2 / 4 |" in page
+def test_the_page_is_made_of_the_kept_tables_and_has_at_most_300_words():
+    page = (ROOT / "notebooks" / "datasheet.md").read_text("utf-8")
+    sheet, engine = (
+        pd.read_csv(ROOT / "results" / f"{name}.csv") for name in ("datasheet", "engine")
+    )
+    assert page == datasheet.write_page(sheet, datasheet.summarise_engine(engine))
+    shown = set(datasheet.POPULATIONS) - set(datasheet.WIDE) | {"MuJoCo, turns", "MuJoCo, strokes"}
+    assert all(f"| {name} |" in page for name in shown)
     assert len([word for word in page.split() if re.search("[A-Za-z]", word)]) <= 300
 
 
-@pytest.mark.parametrize("quantity", datasheet.TOLD)
-def test_nine_of_ten_quantities_are_within_their_intervals(quantity):
+def test_nine_of_ten_quantities_are_within_their_intervals():
     turns = pd.read_csv(ROOT / "results" / "datasheet.csv").iloc[: len(datasheet.TURNS)]
-    assert turns[quantity].sum() >= 0.9 * turns["answered"].sum() > 40
+    assert turns[[*datasheet.TOLD]].sum().min() >= 0.9 * turns["answered"].sum() > 40

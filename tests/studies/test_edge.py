@@ -20,16 +20,15 @@ def test_plain_fine_steps_give_the_speed_of_located_ones():
 def test_coarser_plain_steps_are_compared_with_the_located_peak():
     study = edge.stepping_torque_study(JOINT, [9e-4], [1e-4, 5e-4])
     assert study["model"].tolist() == ["stepping"] * 2 + ["modified"] * 2
-    assert study["reference_rps"].between(0.4, 0.8).all()
     assert study.loc[study["model"] == "modified", "error"].abs().max() < 0.01
 
 
 def test_a_soft_edge_misses_the_records_even_when_the_joint_is_fitted_anew(authors_data):
-    table = pd.read_csv(ROOT / "results" / "alpha_refit.csv").set_index("alpha", drop=False)
-    assert table.loc[1e4, "nrmse"] > 3 * table.loc[1e5, "nrmse"]
-    assert table.loc[1e3, "nrmse"] > table.loc[1e4, "nrmse"]
+    table = pd.read_csv(ROOT / "results" / "alpha_refit.csv", index_col="alpha")
+    sharp, soft, softest = table.loc[[1e5, 1e4, 1e3], "nrmse"]
+    assert 3 * sharp < soft < softest
     records = load_clean_records(FIT_LEVELS)
-    for row in table.to_dict("records"):
-        joint = from_ratios({name: row[name] for name in ratios(JOINT)}, alpha=row["alpha"])
+    for alpha, row in table.iterrows():
+        joint = from_ratios(dict(row[[*ratios(JOINT)]]), alpha=alpha)
         errors = np.concatenate(errors_in_turn(joint, records, 3))
         assert np.sqrt(np.mean(errors**2)) == pytest.approx(row["nrmse"], rel=1e-2)
