@@ -23,8 +23,8 @@ from backlash.torque.load import (
     SOFT,
     STIFFNESS,
 )
-from backlash.torque.problem import SETTINGS as COMPARISON
 from backlash.torque.problem import (
+    ROUGH,
     MeasuredTurn,
     Movement,
     Problem,
@@ -32,6 +32,7 @@ from backlash.torque.problem import (
     state_problem,
     weigh_prior,
 )
+from backlash.torque.problem import SETTINGS as COMPARISON
 from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
 from backlash.torque.strokes import (
     MeanStroke,
@@ -139,7 +140,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     measured, state, trace = measure(recording, torque)
     check_movement(measured.movement, load)
     problem = state(measured, load)
-    best, *others = _put_joint_first(problem, search(problem, state(measured, load, is_rough=True)))
+    best, *others = _put_joint_first(problem, search(problem, state(measured, load, ROUGH)))
     scale = problem.scale(best.chi2)
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)

@@ -20,7 +20,7 @@ from backlash.load_data import LoadData
 from backlash.reading.samples import runs_of
 from backlash.refusals import Reason, Refusal
 from backlash.torque import problem
-from backlash.torque.load import LOSS, PHASE, Comparison, Stroke, Window, compare
+from backlash.torque.load import LOSS, PHASE, Accuracy, Comparison, Stroke, Window, compare
 from backlash.torque.problem import Movement, Problem
 from backlash.torque.search import Candidate
 from backlash.torque.unknowns import TABLE
@@ -44,7 +44,6 @@ class StrokeSettings:
     before_s: tuple[float, float] = (0.2, 0.05)
     after_s: tuple[float, float] = (0.8, 0.25)
     ring_damping: float = 0.01  # a ring of 20 Hz that grows for half a second
-    search_hz: float = 30.0  # with fewer harmonics the misfit has few minima
     most_harmonics: int = 100
     beyond_hz: float = 20.0  # one over the edges of a window
     # Of the gear ratio, by gravity's course over the angle, if another leaves so much more of the torque: right ones
@@ -58,6 +57,9 @@ class StrokeSettings:
 
 SETTINGS = StrokeSettings()
 _NO_WEIGHT = 1e9  # of variances
+# Beside what is compared, of x and x' of 1 mrad at a usual ring: bounds a start's steps where no tooth touches.
+_START_WEIGHT = (1e6, 1e6 / (TURN * 22.0) ** 2)
+_LEAST_WEIGHT = 1e-30  # of what is free, so that the far trials of a search have a solution
 
 
 class MeanStroke(NamedTuple):
@@ -275,31 +277,30 @@ def _wave(coefficient: ComplexArray, order: NDArray[np.int64], size: int) -> Flo
     return np.asarray(size * np.fft.irfft(grid, size))
 
 
-def state_strokes(measured: MeasuredStrokes, load: LoadData, is_rough: bool = False) -> Problem:
-    """Priors by the table of unknowns, the load's data and gravity's course; a rough one has few harmonics."""
+def state_strokes(
+    measured: MeasuredStrokes, load: LoadData, accuracy: Accuracy = problem.FINE
+) -> Problem:
+    """Priors by the table of unknowns, the load's data and gravity's course."""
     inertia = measured.gravity.torque / (load.inertia_ratio * load.gravity_per_s2)
     prior = problem.state_prior(load, measured.gravity.phase, inertia, measured.gravity.friction)
     # Else chi squared falls where a gear gains torque, and a large inertia makes much noise of the speed's.
     prior.weight_below_zero[LOSS] = SETTINGS.gain_sd**-2
-    windows = tuple(_state_window(each, measured, load, is_rough) for each in measured.means)
+    windows = tuple(_state_window(each, measured, load, accuracy) for each in measured.means)
     size = sum(w.stroke.size for w in windows if w.stroke)
     return Problem(Comparison(windows, size), prior, problem.OF_STROKES)
 
 
 def _state_window(
-    mean: MeanStroke, measured: MeasuredStrokes, load: LoadData, is_rough: bool
+    mean: MeanStroke, measured: MeasuredStrokes, load: LoadData, accuracy: Accuracy
 ) -> Window:
-    c, dt, n = problem.SETTINGS, measured.sample_s, mean.taper.size
-    hz, advance = SETTINGS.search_hz if is_rough else c.fitted_hz, mean.mean_speed * n * dt
+    c, n = problem.SETTINGS, mean.taper.size
+    lasts_s, hz = n * measured.sample_s, accuracy.fitted_hz
     # What lies beyond what is compared reaches it through the window's edges.
-    last = min(hz, SETTINGS.most_harmonics / (n * dt))
+    last = min(hz, SETTINGS.most_harmonics / lasts_s)
     used = mean.used & (mean.speed.omega < TURN * (last + SETTINGS.beyond_hz))
-    error, step_s = (
-        (c.search_model_error, c.search_step_s) if is_rough else (c.model_error, c.step_s)
-    )
     smoothing = c.loss_smoothing * load.gravity_per_s2
-    begin = np.exp(1j * mean.first_rad)
-    window = compare(mean.speed, mean.torque, used, error, step_s, smoothing, begin, advance)
+    course = np.exp(1j * mean.first_rad), mean.mean_speed * lasts_s
+    window = compare(mean.speed, mean.torque, used, accuracy, smoothing, *course)
     grid = 4 * next_fast_len(int(window.order[-1]) + 1, real=True)
     taper = np.interp(np.arange(grid) * n / grid, np.arange(n), mean.taper)
     signs = np.ones(len(TABLE))
@@ -317,7 +318,8 @@ def _state_window(
     size = 2 * is_compared.sum() * np.square(taper).mean() - 2 - len(free)
     power = np.square(np.abs(np.fft.fft(mean.taper)[: window.order.size]))
     spread = toeplitz(power) / (2 * power.sum() - power[0])
-    stroke = Stroke(signs, pads, taper, free, spread, size)
+    least = np.diag([*_START_WEIGHT, *[_LEAST_WEIGHT] * len(free)])
+    stroke = Stroke(signs, pads, taper, free, least, spread, size)
     return window._replace(
         own_variance=own_variance, stroke=stroke, ring_damping=SETTINGS.ring_damping
     )

@@ -125,7 +125,10 @@ def test_a_turn_of_an_orbit_ends_where_it_begins_with_its_contact_torques(proble
 
 
 def torque_of(theta, compared, contact):
-    return driven_load.predict_torque(theta, compared, contact)[0]
+    size = driven_load.smooth_abs(contact, compared)
+    carried = driven_load._at_harmonics(contact + theta[LOSS] * size, compared)
+    response, _ = driven_load.respond(theta, compared)
+    return driven_load._torque_of(response, carried, compared)
 
 
 def gain_by_loss(problem, contact, loss=0.1):
@@ -166,14 +169,14 @@ def test_a_smooth_loss_has_no_kink_where_the_torque_crosses_zero(problem):
 # ------------------------------------------------------------------ by hand, and by SciPy
 
 
-def a_comparison(step_s=1e-4, **others):
+def a_comparison(step_s=1e-4):
     """Three harmonics of which two are compared, of a turn of 0.5 s."""
     order = np.arange(1, 4)
     omega = turns.TURN / 0.5 * order
     speed = turns.Harmonics(order, omega, np.array([0.03 + 0.01j, 0.005j, 0.002]), np.full(3, 1e-3))
     force = turns.Harmonics(order, omega, np.array([2 - 1j, 0.5, 0.1j]), np.array([0.1, 0.2, 0.3]))
-    given = {"model_error": 0.05, "smoothing": 0.01} | others
-    return driven_load.compare(speed, force, np.array([1, 0, 1], bool), step_s=step_s, **given)
+    accuracy = driven_load.Accuracy(0.05, step_s, 100.0, 80)
+    return driven_load.compare(speed, force, np.array([1, 0, 1], bool), accuracy, 0.01)
 
 
 def some_unknowns(**others):
@@ -239,7 +242,7 @@ def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
     spring = 2e4 + 2j * 0.03 * np.sqrt(2e4) * w
     by_speed = 1e-3 * 0.5 * late * w * (1 + 8e-4j * w) * (1 + 2 * spring / (spring - w**2))
     sd = np.sqrt(np.abs(by_speed) ** 2 + made.own_variance)
-    np.testing.assert_allclose(driven_load.predict_torque(theta, made, contact)[1], sd, rtol=1e-9)
+    np.testing.assert_allclose(driven_load.respond(theta, made)[1], sd, rtol=1e-9)
     predicted = SimpleNamespace(left=torque - made.torque, sd=sd)
     residual = (expected - np.array([2 - 1j, 0.1j])) / sd
     np.testing.assert_allclose(
