@@ -309,11 +309,8 @@ def descend(
 
 
 def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate], reach: float) -> bool:
-    lower = [each.theta for each in ends if each.chi2 < chi2]
-    if not lower:
-        return False
-    distance = np.abs((np.array(lower) - theta) / FIRST_STEP).max(axis=1)
-    return bool(distance.min() < reach)
+    lower = np.array([each.theta for each in ends if each.chi2 < chi2]).reshape(-1, theta.size)
+    return bool((np.abs((lower - theta) / FIRST_STEP).max(axis=1) < reach).any())
 
 
 def _find_step(

@@ -24,7 +24,7 @@ from backlash.torque.load import LOSS, PHASE, Accuracy, Comparison, Stroke, Wind
 from backlash.torque.problem import Movement, Problem
 from backlash.torque.search import Candidate
 from backlash.torque.unknowns import TABLE
-from backlash.turns import TURN, ComplexArray, Harmonics, round_to
+from backlash.turns import TURN, ComplexArray, Harmonics, round_to, sum_harmonics
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -104,8 +104,7 @@ def measure_strokes(recording: Recording, torque: FloatArray) -> MeasuredStrokes
     strokes, level = find_strokes(smooth, dt)
     inside = np.concatenate([np.arange(each.start, each.stop) for each in strokes])
     acceleration = np.gradient(smooth, dt)
-    terms = np.array([low, angle, acceleration, smooth > 0])[:, inside]
-    gravity = _measure_gravity(*terms)
+    gravity = _measure_gravity(np.array([low, angle, acceleration, smooth > 0])[:, inside])
     signals = CubicSpline(np.arange(angle.size), [angle, speed, torque], axis=1)
     means, ends_deg = [], []
     for sign in (1, -1):
@@ -171,46 +170,44 @@ def find_strokes(smooth: FloatArray, dt: float) -> tuple[list[slice], float]:
     s = SETTINGS
     fast = 0.5 * np.percentile(np.abs(smooth), 95)
     runs = runs_of(np.where(np.abs(smooth) > fast, np.sign(smooth), 0.0))
-    strokes, speeds = [], []
+    found = []
     for start, length, sign in zip(*runs, strict=True):
         part = sign * smooth[start : start + length]
         flat = start + np.flatnonzero(part > 0.85 * np.median(part))
         if sign and flat[-1] - flat[0] > 5 * s.settling_s / dt:
-            strokes.append(
-                slice(flat[0] + int(s.settling_s / dt), flat[-1] - int(0.5 * s.settling_s / dt))
-            )
-            speeds.append(sign * np.median(part))
-    level = float(np.median(np.abs(speeds))) if speeds else 0.0
-    usable = [abs(abs(each) - level) < s.same_speed * level for each in speeds]
-    chosen = [stroke for stroke, is_usable in zip(strokes, usable, strict=True) if is_usable]
+            ends = flat[0] + int(s.settling_s / dt), flat[-1] - int(0.5 * s.settling_s / dt)
+            found.append((slice(*ends), float(np.median(part))))
+    level = float(np.median([speed for _, speed in found])) if found else 0.0
+    chosen = [each for each, speed in found if abs(speed - level) < s.same_speed * level]
     forth = sum(smooth[each.start] > 0 for each in chosen)
     if min(forth, len(chosen) - forth) < s.least_strokes:
         raise Refusal(
-            f"of {len(strokes)} strokes {forth} forth and {len(chosen) - forth} back have one speed; "
+            f"of {len(found)} strokes {forth} forth and {len(chosen) - forth} back have one speed; "
             f"{s.least_strokes} of each are needed, 4 to 6 are good",
             Reason.NOT_CONSTANT_SPEED,
         )
     return chosen, level
 
 
-def _measure_gravity(torque: FloatArray, angle: FloatArray, *others: FloatArray) -> Gravity:
-    """Gravity by the torque, smoothly, at angles; Refusal where there is none, or its course is no sine's.
+def _measure_gravity(signals: FloatArray) -> Gravity:
+    """Gravity by smooth torque, angle, acceleration and direction, 1 forth and 0 back, shape (4, samples).
 
-    The acceleration and the direction, 1 forth and 0 back, are the others'.
+    Refusal where there is none, or its course is no sine's.
     """
-    (sine, cosine, _, forth, back), left = _regress(torque, angle, *others)
+    size = signals.shape[1]
+    (sine, cosine, _, forth, back), left = _regress(signals)
     gravity, friction = math.hypot(sine, cosine), (forth - back) / 2
-    rest = math.sqrt(left / torque.size)
+    rest = math.sqrt(left / size)
     if gravity < SETTINGS.least_gravity * rest or friction < -SETTINGS.least_friction * gravity:
         raise Refusal(
             f"gravity moves the torque by {gravity:.3g} in the log's unit, friction by {friction:.3g}, all else by "
             f"{rest:.3g}; is it this motor's torque, positive where it drives forward, and the axis horizontal?",
             Reason.NO_GRAVITY,
         )
-    some = slice(None, None, 1 + torque.size // 4000)
     ratios = np.geomspace(0.25, 4, 49)
-    rows = [torque[some], (angle - angle.mean())[some], *(each[some] for each in others)]
-    lefts = [_regress(rows[0], ratio * rows[1], *rows[2:])[1] for ratio in ratios]
+    some = signals[:, :: 1 + size // 4000].copy()
+    some[1] -= signals[1].mean()
+    lefts = [_regress(some * [[1], [ratio], [1], [1]])[1] for ratio in ratios]
     ratio = ratios[np.argmin(lefts)]
     low, high = SETTINGS.ratios
     if not low < ratio < high and lefts[ratios.size // 2] > SETTINGS.clear_ratio * min(lefts):
@@ -222,10 +219,9 @@ def _measure_gravity(torque: FloatArray, angle: FloatArray, *others: FloatArray)
     return Gravity(*round_to(numbers, 1e-3 * np.array([gravity, 1.0, 1.0])).tolist())
 
 
-def _regress(
-    torque: FloatArray, angle: FloatArray, acceleration: FloatArray, forth: FloatArray
-) -> tuple[FloatArray, float]:
+def _regress(signals: FloatArray) -> tuple[FloatArray, float]:
     """Gravity's sine and cosine, inertia, friction forth and back by a torque, and the squares that they leave."""
+    torque, angle, acceleration, forth = signals
     terms = np.array([np.sin(angle), np.cos(angle), acceleration, forth, 1 - forth]).T
     found = np.linalg.lstsq(terms, torque, rcond=None)[0]
     return found, float(np.square(torque - terms @ found).sum())
@@ -258,7 +254,9 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
         problem.round_below_noise(Harmonics(order, omega, *each))
         for each in zip(lines, sd, strict=True)
     )
-    wave = _wave(of_speed.coefficient / (1j * omega), order, n) + mean_speed * dt * np.arange(n)
+    wave = sum_harmonics(
+        of_speed.coefficient / (1j * omega), order, n
+    ) + mean_speed * dt * np.arange(n)
     first = float(round_to(taper @ (angle - wave) / taper.sum(), 1e-4))
     used = omega < TURN * 0.4 / dt
     terms = taper * [np.sin(angle + phase), np.cos(angle + phase)]
@@ -268,13 +266,6 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
         *(sign, of_speed, of_torque, used, mean_speed, first, first + wave, taper, signals[2]),
         gravity,
     )
-
-
-def _wave(coefficient: ComplexArray, order: NDArray[np.int64], size: int) -> FloatArray:
-    """Sum of some harmonics at even times."""
-    grid = np.zeros(size // 2 + 1, dtype=complex)
-    grid[order] = coefficient
-    return np.asarray(size * np.fft.irfft(grid, size))
 
 
 def state_strokes(
@@ -333,7 +324,7 @@ def trace_strokes(measured: MeasuredStrokes, stated: Problem, best: Candidate) -
     ):
         inside = mean.taper == 1
         torque = mean.torques.mean(axis=0)[inside]
-        model = _wave(each.torque, window.order, mean.taper.size)[inside]
+        model = sum_harmonics(each.torque, window.order, mean.taper.size)[inside]
         parts.append([torque, model + (torque - model).mean()])
     torque, model = np.concatenate(parts, axis=1)
     return Trace(measured.sample_s * np.arange(torque.size), torque, model, TORQUE_SIGNAL)
