@@ -281,21 +281,29 @@ def test_no_verdict_flips_and_no_answer_moves_by_a_percent_however_a_log_is_writ
             assert told == pytest.approx([first.backlash_rad] * len(told), rel=0.01)
 
 
-ANSWER_EACH = """
-import json
-from tests.backlash.test_torque_answer import answer, answer_by_masses, draw_plain
-log = draw_plain()
-print(json.dumps([each.to_dict() for each in (answer(log), answer_by_masses(log))]))
+ANSWER = """
+import json, numpy as np
+from studies.simulated_joints import draw_strokes
+from tests.backlash.test_torque_answer import DELTA, answer, answer_by_masses, draw_plain
+print(json.dumps([each.to_dict() for each in {}]))
 """
 
 
-def test_under_other_kernels_the_known_answer_is_so_to_1e_9_by_ratios_or_by_masses():
-    command = [sys.executable, "-c", ANSWER_EACH]
-    kernels = {"OPENBLAS_CORETYPE": "Prescott"}
+def answers_under_other_kernels(expression: str) -> list[dict]:
     ended = subprocess.run(
-        command, cwd=ROOT, env=os.environ | kernels, stdout=subprocess.PIPE, text=True, check=True
+        [sys.executable, "-c", ANSWER.format(expression)],
+        cwd=ROOT,
+        env=os.environ | {"OPENBLAS_CORETYPE": "Prescott"},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
     )
-    answers = json.loads(ended.stdout)
+    return json.loads(ended.stdout)
+
+
+def test_under_other_kernels_the_known_answer_is_so_to_1e_9_by_ratios_or_by_masses():
+    each_way = "[answer(draw_plain()), answer_by_masses(draw_plain())]"
+    answers = answers_under_other_kernels(each_way)
     for each in answers:
         assert (each["backlash_rad"], each["chi_squared"]) == pytest.approx(KNOWN, rel=1e-9)
     low, high = answers[1]["backlash_interval_rad"]
