@@ -69,23 +69,25 @@ def test_a_gear_that_loses_much_torque_is_answered():
     assert is_covered(answer(draw_turns(np.random.default_rng((31, 3)), DELTA, 0.1, 0.4)), DELTA)
 
 
+# What is so, within how many SDs the backlash is told beside it, and how many it has itself at least: the soft part's
+# SD, 0.13 mrad of which are the model's, is too wide for three.
 UNKNOWN_BESIDE = {
-    "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0),
-    "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.3),
+    "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0, 3.0, 3),
+    "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.3, 1.96, 2),
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", UNKNOWN_BESIDE)
 def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
-    fault, true = UNKNOWN_BESIDE[name]
+    fault, true, most, least = UNKNOWN_BESIDE[name]
     estimate = answer(draw_turns(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
     low, high = estimate.backlash_interval_rad
-    assert abs(estimate.backlash_rad - DELTA) < 0.75 * (high - low)  # three SDs
+    assert abs(estimate.backlash_rad - DELTA) < most * (high - low) / 3.92
     value, sd = estimate.joint[name]
     # The delay takes a part of the low-pass, and the share of the stiffness is not the model's.
     assert value == pytest.approx(true, rel=0.4)
-    assert value > 2 * sd
+    assert value > least * sd
 
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
