@@ -34,9 +34,13 @@ def recorded(log) -> Recording:
     return Recording(log.t, log.v, level, log.gear_ratio / level, "made")
 
 
+def measured(log):
+    return measure_strokes(recorded(log), np.array([log.torque, log.torque]))
+
+
 def stated(log):
     load = LoadData(log.inertia_ratio, log.gravity_per_s2)
-    return state_strokes(measure_strokes(recorded(log), log.torque), load)
+    return state_strokes(measured(log), load)
 
 
 @pytest.fixture(scope="module")
@@ -112,9 +116,9 @@ def test_a_window_leaves_of_harmonics_what_it_leaves_of_their_wave(problem):
 
 
 def test_the_strokes_of_a_mirrored_log_are_the_same_but_for_the_direction(drawn):
-    plain = measure_strokes(recorded(drawn), drawn.torque)
+    plain = measured(drawn)
     log = drawn._replace(v=-drawn.v, torque=-drawn.torque)
-    mirrored = measure_strokes(recorded(log), log.torque)
+    mirrored = measured(log)
     for one, other in zip(plain.means, mirrored.means[::-1], strict=True):
         np.testing.assert_allclose(one.torque.coefficient, other.torque.coefficient, atol=1e-9)
         np.testing.assert_allclose(one.speed.coefficient, other.speed.coefficient, atol=1e-12)
@@ -204,6 +208,14 @@ def test_strokes_without_a_torque_are_asked_for_it():
     log = made_log()
     estimate = backlash.estimate(log.t, log.v, unit="rps", gear_ratio=RATIO)
     assert "log the torque, too" in estimate.explanation
+
+
+def test_a_torque_that_was_logged_beside_a_position_is_no_running_mean():
+    log = draw_strokes(np.random.default_rng((91, 1)), DELTA, 0.1, 0.05)
+    rows = slice(None, None, round(4e-3 / log.t[1]))
+    position = np.cumsum(log.v) * log.t[1]
+    log = log._replace(t=log.t[rows], v=position[rows], torque=log.torque[rows])
+    assert is_covered(answer(log, unit="turns", position=True), DELTA)
 
 
 def test_a_running_mean_of_the_torque_gets_no_answer():
