@@ -49,6 +49,7 @@ _MOST_TURNS = 12  # by Newton's method, which needs 2 to 4
 _NEARLY_CLOSED_RAD = 1e-7
 _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
 _BEGIN = np.eye(2, 3 + OF_CONTACT, 1)  # x and x', with their slopes by themselves
+_LEAST_LEFT = 0.2  # the gain of a running mean below which it is not undone
 _MOST_STARTS, _LEAST_GAIN = (
     3,
     0.03,
@@ -96,6 +97,8 @@ class Accuracy(NamedTuple):
     step_s: float
     fitted_hz: float
     most_harmonics: int
+    mean_s: float = 0.0  # a running mean of speed and torque, beyond which little is left of them
+    is_undone: bool = False
 
 
 def compare(
@@ -111,6 +114,15 @@ def compare(
 
     The load begins in a direction, e^(i angle), and moves on by an angle.
     """
+    gain = np.sinc(speed.omega * accuracy.mean_s / TURN)
+    is_left = np.cumprod(gain > _LEAST_LEFT) > 0
+    used = used & is_left
+    if accuracy.is_undone:
+        gain = np.where(is_left, 1 / gain, 0.0)
+        speed, torque = (
+            each._replace(coefficient=gain * each.coefficient, sd=gain * each.sd)
+            for each in (speed, torque)
+        )
     power = np.abs(torque.coefficient) ** 2
     power[1:] = uniform_filter1d(power[1:], 7)
     turn_s = TURN / speed.omega[0]
@@ -504,14 +516,14 @@ def _residual_slopes(
     predicted: Prediction, c: Window, contact_slope: ComplexArray, loss_slope: ComplexArray
 ) -> FloatArray:
     """Slopes of the residuals by all unknowns, by those of the harmonics of c + mu |c|."""
-    theta, response, torque = predicted.theta, predicted.response, predicted.torque
+    theta, response = predicted.theta, predicted.response
     gain, rho = response.motor, response.rho
     slope = np.empty((theta.size, c.omega.size), dtype=complex)
     np.multiply(gain * rho, contact_slope, out=slope[:OF_CONTACT])
     slope[LAG] += gain * c.per_ms * c.acceleration
-    slope[RATIO] = torque - gain * response.lag * c.acceleration
-    slope[INERTIA] = torque
-    slope[DELAY] = -c.per_ms * torque
+    slope[RATIO] = predicted.torque - gain * response.lag * c.acceleration
+    slope[INERTIA] = predicted.torque
+    slope[DELAY] = -c.per_ms * predicted.torque
     slope[LOSS] = gain * rho * loss_slope
     slope[FILTER] = slope[DELAY] / (1 + theta[FILTER] * c.per_ms)
     if c.stroke:
@@ -523,7 +535,7 @@ def _residual_slopes(
 
 def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     """Slopes of the torque's SDs by the unknowns, shape (unknowns, harmonics): the speed's noise goes with them."""
-    theta, response, sd = predicted.theta, predicted.response, predicted.sd
+    theta, response = predicted.theta, predicted.response
     spring, carried = response.spring, response.carried
     half_damper = 0.5j * spring.imag
     spring_slope = carried * (1 / spring - 1 / (spring - c.omega**2)) / (1 + carried)
@@ -536,7 +548,7 @@ def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     slope[INERTIA] = 1.0
     slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
     slope *= _noise_power(theta, response, c)
-    return np.asarray(_spread(slope, c) / sd)
+    return np.asarray(_spread(slope, c) / predicted.sd)
 
 
 class Predictions(NamedTuple):

@@ -276,7 +276,8 @@ def descend(
         return here
     slopes = _differentiate(problem, here)
     reach = SETTINGS.same if tolerance < SETTINGS.tolerance else 1.0
-    damping, growth, trials = 1e-3, 2.0, 0
+    damping, growth = 1e-3, 2.0
+    trials = 0
     # Where two orbits part slopes are not finite.
     while trials < SETTINGS.most_trials and np.isfinite(slopes.normal).all():
         step = _find_step(problem, here.theta, slopes, damping, holds_delta)

@@ -58,7 +58,6 @@ def decide(monkeypatch):
     held = []
     for name, result in {
         "check_movement": None,
-        "undo_mean": (None, None),
         "_refuse_mean": None,
         "_check_joint": None,
         "_check_speed": None,
