@@ -172,11 +172,10 @@ def _with_own_period(log: Log) -> Log:
 def _answer_by_torque(log: Log, load: LoadData, answer: Estimate) -> Estimate:
     """Answer by speed and torque."""
     assert log.torque is not None  # without one no load is asked for
-    logged = log.signals[-1]  # of a position the torque as it was logged
     if not turns.is_to_and_fro(log.recording.v):
-        refuse_averaged(log.recording, logged)
+        refuse_averaged(log.recording, log.signals[-1])  # of a position the torque as it was logged
     try:
-        fit = fit_torque(log.recording, log.torque, logged, load)
+        fit = fit_torque(log.recording, log.torque, load)
     except Refusal as refusal:
         if (step := finest_step(log.torque)) > _COARSE * np.ptp(log.torque):
             refusal.add(f"the torque comes in steps of {step:.3g}: log it finer")

@@ -115,15 +115,13 @@ class TorqueFit:
 
 
 @np.errstate(all="ignore")  # trials far from any joint
-def fit_torque(
-    recording: Recording, torque: FloatArray, logged: FloatArray, load: LoadData
-) -> TorqueFit:
+def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> TorqueFit:
     """Find the backlash from the motor's speed and torque; Refusal where they do not tell it.
 
     The torque, shape (samples,), is the motor's at the same samples, positive where it drives forward, in any unit, as
-    its current; beside a position it lies between the instants at which it was logged.
+    its current.
     """
-    measured, state, trace = measure(recording, torque, logged)
+    measured, state, trace = measure(recording, torque)
     check_movement(measured.movement, load)
     problem = state(measured, load)
     best, *others = _put_joint_first(problem, search(problem, state(measured, load, ROUGH)))
@@ -155,13 +153,13 @@ def fit_torque(
 
 
 def measure(
-    recording: Recording, torque: FloatArray, logged: FloatArray
+    recording: Recording, torque: FloatArray
 ) -> tuple[Any, Callable[..., Problem], Callable[[Problem, Candidate], Trace]]:
     """The mean turn, or mean strokes, what states their problem, of a load, and what traces a joint's torque."""
     if is_to_and_fro(recording.v):
-        strokes = measure_strokes(recording, np.array([torque, logged]))
+        strokes = measure_strokes(recording, torque)
         for each in strokes.means:
-            refuse_averaged_rows(each.torques[1], strokes.sample_s)
+            refuse_averaged_rows(each.torques, strokes.sample_s)
         return strokes, state_strokes, partial(trace_strokes, strokes)
     settled, settled_torque = end_by_gravity(recording, torque)
     trace = partial(_trace_turns, recording, torque, settled.t.size)

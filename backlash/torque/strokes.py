@@ -73,7 +73,7 @@ class MeanStroke(NamedTuple):
     first_rad: float  # angle where the window begins, but for the speed's harmonics
     angle: FloatArray
     taper: FloatArray
-    torques: FloatArray  # at the speed's instants and as logged, shape (2, strokes, samples)
+    torques: FloatArray  # shape (strokes, samples)
     gravity: ComplexArray  # gravity's line of each stroke, over the mean one's
 
 
@@ -94,21 +94,18 @@ class MeasuredStrokes(NamedTuple):
     movement: Movement
 
 
-def measure_strokes(recording: Recording, torques: FloatArray) -> MeasuredStrokes:
-    """Mean strokes of both directions; Refusal where they cannot tell the backlash.
-
-    The torque is that at the speed's instants, then as it was logged, shape (2, samples).
-    """
+def measure_strokes(recording: Recording, torque: FloatArray) -> MeasuredStrokes:
+    """Mean strokes of both directions; Refusal where they cannot tell the backlash."""
     dt = float(round_to(recording.sample_s, 1e-5 * recording.sample_s))
     gear_ratio = recording.commanded_speed_rps * recording.turn_period_s
     speed = TURN / gear_ratio * recording.v
-    smooth, low = gaussian_filter1d([speed, torques[0]], SETTINGS.smoothing_s / dt, axis=1)
+    smooth, low = gaussian_filter1d([speed, torque], SETTINGS.smoothing_s / dt, axis=1)
     angle = dt * np.cumsum(speed)
     strokes, level = find_strokes(smooth, dt)
     inside = np.concatenate([np.arange(each.start, each.stop) for each in strokes])
     acceleration = np.gradient(smooth, dt)
     gravity = _measure_gravity(np.array([low, angle, acceleration, smooth > 0])[:, inside])
-    signals = CubicSpline(np.arange(angle.size), [angle, speed, *torques], axis=1)
+    signals = CubicSpline(np.arange(angle.size), [angle, speed, torque], axis=1)
     means, ends_deg = [], []
     for sign in (1, -1):
         own = [each for each in strokes if sign * smooth[each.start] > 0]
@@ -242,14 +239,13 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
     _, count, n = signals.shape
     pad = SETTINGS.pad_s / dt
     pads, taper = _ramps(n, 0, pad), _ramps(n, pad, pad)
-    angle, speed, torque, _ = signals.mean(axis=1)
+    angle, speed, torque = signals.mean(axis=1)
     mean_speed = float(round_to(taper @ speed / taper.sum(), 1e-4))
     order = np.arange(1, int(min(problem.SETTINGS.driven_hz, 0.45 / dt) * n * dt) + 1)
     omega = TURN / (n * dt) * order
     lines = np.fft.rfft([pads * (speed - mean_speed), taper * torque])[:, order] / n
     strays = (
-        np.fft.rfft(taper * (signals[1:3] - signals[1:3].mean(axis=1, keepdims=True)))[..., order]
-        / n
+        np.fft.rfft(taper * (signals[1:] - signals[1:].mean(axis=1, keepdims=True)))[..., order] / n
     )
     power = np.square(np.abs(strays)).sum(axis=1) / (2 * count * (count - 1))
     # Numbers within a taper have something in common: each counts for less than one.
@@ -267,7 +263,7 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
     real, imaginary = np.linalg.lstsq(terms.T, (taper * signals[2]).T, rcond=None)[0]
     gravity = (real + 1j * (imaginary - imaginary.mean())) / real.mean()
     return MeanStroke(
-        *(sign, of_speed, of_torque, used, mean_speed, first, first + wave, taper, signals[2:]),
+        *(sign, of_speed, of_torque, used, mean_speed, first, first + wave, taper, signals[2]),
         gravity,
     )
 
@@ -327,7 +323,7 @@ def trace_strokes(measured: MeasuredStrokes, stated: Problem, best: Candidate) -
         measured.means, stated.compared.windows, best.orbit.each, strict=True
     ):
         inside = mean.taper == 1
-        torque = mean.torques[0].mean(axis=0)[inside]
+        torque = mean.torques.mean(axis=0)[inside]
         model = sum_harmonics(each.torque, window.order, mean.taper.size)[inside]
         parts.append([torque, model + (torque - model).mean()])
     torque, model = np.concatenate(parts, axis=1)

@@ -34,13 +34,9 @@ def recorded(log) -> Recording:
     return Recording(log.t, log.v, level, log.gear_ratio / level, "made")
 
 
-def measured(log):
-    return measure_strokes(recorded(log), np.array([log.torque, log.torque]))
-
-
 def stated(log):
     load = LoadData(log.inertia_ratio, log.gravity_per_s2)
-    return state_strokes(measured(log), load)
+    return state_strokes(measure_strokes(recorded(log), log.torque), load)
 
 
 @pytest.fixture(scope="module")
@@ -116,9 +112,9 @@ def test_a_window_leaves_of_harmonics_what_it_leaves_of_their_wave(problem):
 
 
 def test_the_strokes_of_a_mirrored_log_are_the_same_but_for_the_direction(drawn):
-    plain = measured(drawn)
+    plain = measure_strokes(recorded(drawn), drawn.torque)
     log = drawn._replace(v=-drawn.v, torque=-drawn.torque)
-    mirrored = measured(log)
+    mirrored = measure_strokes(recorded(log), log.torque)
     for one, other in zip(plain.means, mirrored.means[::-1], strict=True):
         np.testing.assert_allclose(one.torque.coefficient, other.torque.coefficient, atol=1e-9)
         np.testing.assert_allclose(one.speed.coefficient, other.speed.coefficient, atol=1e-12)

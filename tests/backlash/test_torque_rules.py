@@ -81,7 +81,7 @@ def decide(monkeypatch):
         monkeypatch.setattr(rules, "search", lambda *_: list(candidates))
         monkeypatch.setattr(rules, "hold_delta", hold)
         try:
-            fit = rules.fit_torque(None, np.zeros(1), np.zeros(1), None)
+            fit = rules.fit_torque(None, np.zeros(1), None)
         except Refusal as refusal:
             return refusal.reason
         return fit, held[-1]
