@@ -11,7 +11,8 @@ from replication.signature import FloatArray
 
 TORQUE, AMPLITUDE = "torque", "amplitude"
 TORQUE_SIGNAL = "torque [log's unit]"
-BACKLASH, NONE, CANNOT_TELL = "backlash", "no backlash", "cannot tell"
+BACKLASH, NONE = "backlash", "no backlash"
+CANNOT_TELL = "cannot tell"
 
 
 class Trace(NamedTuple):

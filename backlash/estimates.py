@@ -145,7 +145,8 @@ def refused(log: object, why: str) -> Estimate:
 
 def _with_own_period(log: Log) -> Log:
     """The log with the period that its turns have; of a torque gravity's, which no other line may dominate."""
-    recording, options, given = log.recording, log.options, log.recording.turn_period_s
+    recording, options = log.recording, log.options
+    given = recording.turn_period_s
     if options.trust_period or turns.is_to_and_fro(recording.v):
         return log
     if log.torque is None:

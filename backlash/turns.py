@@ -112,10 +112,15 @@ def round_to(number: ArrayLike, error: ArrayLike) -> NDArray[Any]:
 
 def periodic(coefficient: ComplexArray, order: NDArray[np.int64], phase: FloatArray) -> FloatArray:
     """Sum of some harmonics at phases in turns."""
-    grid = np.zeros(16 * int(order.max()) + 1, dtype=complex)
-    grid[order] = coefficient
-    wave = np.fft.irfft(grid, 2 * (grid.size - 1)) * 2 * (grid.size - 1)
+    wave = sum_harmonics(coefficient, order, 32 * int(order.max()))
     return np.interp(phase, np.arange(wave.size) / wave.size, wave, period=1.0)
+
+
+def sum_harmonics(coefficient: ComplexArray, order: NDArray[np.int64], size: int) -> FloatArray:
+    """Sum of some harmonics at even times."""
+    grid = np.zeros(size // 2 + 1, dtype=complex)
+    grid[order] = coefficient
+    return np.asarray(np.fft.irfft(grid, size) * size)
 
 
 def gravity_by_turn(recording: Recording, torque: FloatArray) -> ComplexArray:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -23,37 +23,23 @@ from backlash.torque.load import (
     SOFT,
     STIFFNESS,
 )
-from backlash.torque.problem import SETTINGS as COMPARISON
 from backlash.torque.problem import (
-    MeasuredTurn,
+    FINE,
+    ROUGH,
     Movement,
     Problem,
     measure_turn,
     state_problem,
     weigh_prior,
 )
+from backlash.torque.problem import SETTINGS as COMPARISON
 from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
-from backlash.torque.strokes import (
-    MeanStroke,
-    MeasuredStrokes,
-    measure_strokes,
-    state_strokes,
-    trace_strokes,
-)
+from backlash.torque.strokes import measure_strokes, state_strokes, trace_strokes
 from backlash.torque.unknowns import IS_LOGARITHM, NAMES, TABLE
-from backlash.turns import (
-    TURN,
-    Harmonics,
-    end_by_gravity,
-    is_to_and_fro,
-    periodic,
-    settled_turns,
-    turn_phases,
-)
+from backlash.turns import end_by_gravity, is_to_and_fro, periodic, settled_turns, turn_phases
 from replication.records import Recording
 from replication.signature import FloatArray
 
-Measured = TypeVar("Measured", MeasuredTurn, MeanStroke, MeasuredStrokes)
 NORMAL_95 = 1.96  # half width over SD of a 95 % interval
 
 
@@ -95,10 +81,9 @@ class AnswerLimits:
     # Harmonics of the speed beyond four SDs: without them nothing but what was given of the load tells the gap's scale.
     least_lines: int = 2
     line_sds: float = 4.0
-    # Running means of speed and torque that are tried, for all from 11 to 20 ms; below which gain they are not undone,
-    # and chi squared by which one may fit less.
+    # Running means of speed and torque that are tried, for all from 11 to 20 ms, and chi squared by which one may fit
+    # less.
     means_s: tuple[float, ...] = (0.012, 0.016)
-    least_gain: float = 0.2
     rival_mean: float = 6.0
     negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
 
@@ -139,7 +124,7 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
     measured, state, trace = measure(recording, torque)
     check_movement(measured.movement, load)
     problem = state(measured, load)
-    best, *others = _put_joint_first(problem, search(problem, state(measured, load, is_rough=True)))
+    best, *others = _put_joint_first(problem, search(problem, state(measured, load, ROUGH)))
     scale = problem.scale(best.chi2)
     covariance = scale * _covariance(problem, best)
     _check_joint(problem, best, covariance)
@@ -153,7 +138,8 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         also = f"{1e3 * excluded_rad:g} mrad fits nearly as well as {1e3 * best.delta_rad:.2g} mrad"
         raise Refusal(f"{also}; {_ADVICE}", Reason.AMBIGUOUS)
     for mean_s in LIMITS.means_s:
-        left, undone = (state(each, load) for each in undo_mean(measured, mean_s))
+        left = state(measured, load, FINE._replace(mean_s=mean_s))
+        undone = state(measured, load, FINE._replace(mean_s=mean_s, is_undone=True))
         _refuse_mean(left, undone, mean_s, best, interval)
     return TorqueFit(
         delta_rad=0.0 if is_none else best.delta_rad,
@@ -267,26 +253,25 @@ def _pool_intervals(
 def check_movement(movement: Movement, load: LoadData) -> None:
     """Refuse a movement whose passes differ, or in which the teeth may not part, or part by the gear's error."""
     passes = "stroke" if movement.strokes else "turn"
-    change, odd, scatter_s = movement.change, movement.odd_against_even, movement.scatter_s
     ripple = movement.ripple / (load.gravity_per_s2 * load.inertia_ratio)
     for is_beyond, reason, sentence in (
         (
-            change > LIMITS.most_change,
+            movement.change > LIMITS.most_change,
             Reason.NOT_PERIODIC,
-            f"the torque's line of gravity changes by {change:.0%} from {passes} to {passes}; is it gravity's, or does "
-            "another axis move?",
+            f"the torque's line of gravity changes by {movement.change:.0%} from {passes} to {passes}; is it "
+            "gravity's, or does another axis move?",
         ),
         (
-            odd > LIMITS.most_odd_against_even,
+            movement.odd_against_even > LIMITS.most_odd_against_even,
             Reason.NOT_PERIODIC,
-            f"odd and even {passes}s differ by {odd:.1%} of gravity; does another axis, or something in the gear, turn "
-            "at half this joint's rate? hold all other axes still",
+            f"odd and even {passes}s differ by {movement.odd_against_even:.1%} of gravity; does another axis, "
+            "or something in the gear, turn at half this joint's rate? hold all other axes still",
         ),
         (
-            scatter_s > LIMITS.most_scatter_s,
+            movement.scatter_s > LIMITS.most_scatter_s,
             Reason.NOT_PERIODIC,
-            f"gravity's line comes {1e3 * scatter_s:.2g} ms early or late by the {passes}; does the log's clock "
-            "wander, or does another axis move?",
+            f"gravity's line comes {1e3 * movement.scatter_s:.2g} ms early or late by the {passes}; does the log's "
+            "clock wander, or does another axis move?",
         ),
         (
             movement.friction > 1.0,
@@ -351,7 +336,7 @@ def _refuse_mean(
 ) -> None:
     """Refuse where another backlash fits nearly as well, had speed and torque gone through a running mean.
 
-    That leaves what is linear as it is, and only makes the gap smaller. It is undone up to where little is left.
+    That leaves what is linear as it is, and only makes the gap smaller.
     """
     if any(window.order.size < COMPARISON.least_harmonics for window in left.compared.windows):
         return
@@ -363,24 +348,6 @@ def _refuse_mean(
             f"well as {1e3 * best.delta_rad:.2g} mrad; log what the drive measures, not what it averages",
             Reason.AMBIGUOUS,
         )
-
-
-def undo_mean(measured: Measured, mean_s: float) -> tuple[Measured, Measured]:
-    """What is measured up to where a running mean leaves much, as it is and with the mean undone."""
-    if isinstance(measured, MeasuredStrokes):
-        pairs = zip(*(undo_mean(each, mean_s) for each in measured.means), strict=True)
-        left, undone = (measured._replace(means=list(each)) for each in pairs)
-        return left, undone
-    gain = np.sinc(measured.speed.omega * mean_s / TURN)
-    is_left = np.cumprod(gain > LIMITS.least_gain) > 0
-    gain[~is_left] = np.inf
-    left = measured._replace(used=measured.used & is_left)
-    speed, torque = _amplify(measured.speed, 1 / gain), _amplify(measured.torque, 1 / gain)
-    return left, left._replace(speed=speed, torque=torque)
-
-
-def _amplify(signal: Harmonics, gain: FloatArray) -> Harmonics:
-    return signal._replace(coefficient=gain * signal.coefficient, sd=gain * signal.sd)
 
 
 def _check_speed(problem: Problem) -> None:

@@ -48,11 +48,12 @@ _MOST_TURNS = 12  # by Newton's method, which needs 2 to 4
 # From here Newton's last step is exact to 1e-11, a millionth of the least backlash that matters.
 _NEARLY_CLOSED_RAD = 1e-7
 _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
-_UNIT = np.eye(2)
-_MOST_STARTS, _LEAST_GAIN = 3, 0.01  # of strokes: trials, and chi squared that one has to gain
-# Beside what is compared, of x and x' of 1 mrad at a usual ring: bounds a start's steps where no tooth touches.
-_START_WEIGHT = (1e6, 1e6 / (TURN * 22.0) ** 2)
-_LEAST_WEIGHT = 1e-30  # of what is free, so that the far trials of a search have a solution
+_BEGIN = np.eye(2, 3 + OF_CONTACT, 1)  # x and x', with their slopes by themselves
+_LEAST_LEFT = 0.2  # the gain of a running mean below which it is not undone
+_MOST_STARTS, _LEAST_GAIN = (
+    3,
+    0.03,
+)  # of strokes: trials, and the share of chi squared that asks for another
 
 
 class Stroke(NamedTuple):
@@ -62,6 +63,7 @@ class Stroke(NamedTuple):
     pads: FloatArray  # of each step: 1 in the window, smoothly 0 at the ends of what is driven
     taper: FloatArray  # of the window, on an even grid of times
     free: ComplexArray  # harmonics of what the motor's friction and ripple may add, a row each
+    least: FloatArray  # of the normal matrix of a start and of what is free
     spread: FloatArray  # from powers of harmonics to those of what the window leaves of them
     size: float  # how many numbers it tells
 
@@ -88,24 +90,43 @@ class Window(NamedTuple):
     ring_damping: float = 0.0  # of the noise's ring, beside the spring's: what a short window has
 
 
+class Accuracy(NamedTuple):
+    """How finely a joint is compared."""
+
+    model_error: float  # of the torque
+    step_s: float
+    fitted_hz: float
+    most_harmonics: int
+    mean_s: float = 0.0  # a running mean of speed and torque, beyond which little is left of them
+    is_undone: bool = False
+
+
 def compare(
     speed: Harmonics,
     torque: Harmonics,
     used: NDArray[np.bool_],
-    model_error: float,
-    step_s: float,
+    accuracy: Accuracy,
     smoothing: float,
     begin: complex = 1.0,
     advance: float = TURN,
 ) -> Window:
-    """Prepare the used ones of the torque's harmonics, and the motion by all of the speed's, in steps of `step_s`.
+    """Prepare the used ones of the torque's harmonics, and the motion by all of the speed's, in steps.
 
     The load begins in a direction, e^(i angle), and moves on by an angle.
     """
+    gain = np.sinc(speed.omega * accuracy.mean_s / TURN)
+    is_left = np.cumprod(gain > _LEAST_LEFT) > 0
+    used = used & is_left
+    if accuracy.is_undone:
+        gain = np.where(is_left, 1 / gain, 0.0)
+        speed, torque = (
+            each._replace(coefficient=gain * each.coefficient, sd=gain * each.sd)
+            for each in (speed, torque)
+        )
     power = np.abs(torque.coefficient) ** 2
     power[1:] = uniform_filter1d(power[1:], 7)
     turn_s = TURN / speed.omega[0]
-    least = int(max(turn_s / step_s, 2 * speed.order.size + 2) / 2) + 1
+    least = int(max(turn_s / accuracy.step_s, 2 * speed.order.size + 2) / 2) + 1
     steps = 2 * next_fast_len(least, real=True)
     half_step = np.exp(0.5j * turn_s / steps * speed.omega)
     waves = np.zeros((4, steps // 2 + 1), dtype=complex)
@@ -120,7 +141,7 @@ def compare(
         omega=speed.omega[used],
         torque=torque.coefficient[used],
         speed_sd=speed.sd[used],
-        own_variance=(torque.sd**2 + model_error**2 * power / 2)[used],
+        own_variance=(torque.sd**2 + accuracy.model_error**2 * power / 2)[used],
         per_ms=np.asarray(1e-3j * speed.omega[used], dtype=complex),
         acceleration=(1j * speed.omega * speed.coefficient)[used],
         mid_step=half_step[used] * steps,
@@ -150,13 +171,13 @@ def _mean_depth(a, b):
 
 
 @njit
-def _contact_torque(x, v, w, h, theta, K, D, slope):
+def _contact_torque(x, v, w, h, joint, slope):
     """The contact torque of a step h, and its slopes by x, x' and w; `slope` receives those by the first six unknowns.
 
     It is the mean along the straight course from x to x + h x', which makes it smooth in all of them. The damper has
     the speed in the middle of the step, w - c h / 2, where w is what that would be without contact.
     """
-    delta, soft, part, drag = 1e-3 * theta[DELTA], 1e-3 * theta[SOFT], theta[SHARE], theta[DRAG]
+    delta, K, D, soft, part, drag = joint
     p = p_x = p_v = p_delta = p_soft = p_part = 0.0
     touching = touching_x = touching_v = touching_delta = 0.0
     for side in (1.0, -1.0):
@@ -165,21 +186,21 @@ def _contact_torque(x, v, w, h, theta, K, D, slope):
         if depth <= 0 and end <= 0:
             continue
         mean, share, mean_a, mean_b, share_a, share_b = _mean_depth(depth, end)
+        after, _, after_a, after_b, _, _ = _mean_depth(depth - soft, end - soft)
         touching += share
         touching_x += side * (share_a + share_b)
         touching_v += side * h * share_b
         touching_delta -= share_a + share_b
+        by_gap, by_soft = part * (mean_a + mean_b), (1 - part) * (after_a + after_b)
         p += side * part * mean
-        p_part += side * mean
-        p_x += part * (mean_a + mean_b)
+        p += side * (1 - part) * after
+        p_x += by_gap
+        p_x += by_soft
         p_v += part * h * mean_b
-        p_delta -= side * part * (mean_a + mean_b)
-        mean, share, mean_a, mean_b, share_a, share_b = _mean_depth(depth - soft, end - soft)
-        p += side * (1 - part) * mean
-        p_part -= side * mean
-        p_x += (1 - part) * (mean_a + mean_b)
-        p_v += (1 - part) * h * mean_b
-        p_soft -= side * (1 - part) * (mean_a + mean_b)
+        p_v += (1 - part) * h * after_b
+        p_delta -= side * by_gap
+        p_soft -= side * by_soft
+        p_part += side * (mean - after)
     dragging = drag * D
     damping = dragging + (D - dragging) * touching
     # c = K p + damping (w - c h / 2), solved for c.
@@ -208,61 +229,70 @@ def _contact_torque(x, v, w, h, theta, K, D, slope):
 
 
 @njit
-def _simulate_turn(theta, h, motion, forcing, smoothing, state, jacobian, contact, waves):
-    """Move x and x' on by a turn of x'' = force - cosine x - c, with their Jacobian, shape (2, columns).
+def _simulate_turn(theta, h, motion, forcing, state, waves):
+    """Move x and x', the first column of a state, on by a turn of x'' = force - cosine x - c, the others their slopes.
 
-    Columns are x and x' at the turn's start, then the unknowns; `contact`, shape (steps,), receives c, and `waves`,
-    shape (columns, steps), the slopes of c + mu |c|.
+    These are by x and x' at the turn's start, then by the unknowns; `waves`, shape (columns, steps), receives c and its
+    slopes.
     """
     K, g = np.exp(theta[STIFFNESS]), np.exp(theta[GRAVITY])
     D = 2 * np.exp(theta[DAMPING]) * np.sqrt(K)
-    columns = jacobian.shape[1]
-    slope, own, source = np.zeros(6), np.zeros(12), np.zeros(12)
-    x, v, loss_gain = state[0], state[1], 1.0
-    for i in range(contact.size):
+    # In the order of the unknowns.
+    joint = (1e-3 * theta[DELTA], K, D, 1e-3 * theta[SOFT], theta[SHARE], theta[DRAG])
+    columns = state.shape[1]
+    slope, own, source = np.zeros(6), np.zeros(13), np.zeros(13)
+    x, v = state[0, 0], state[1, 0]
+    for i in range(waves.shape[1]):
         cosine, sine = forcing[1, i], forcing[2, i]
         middle = x + 0.5 * h * v
         w = v + 0.5 * h * (forcing[0, i] - cosine * middle)
-        c, c_x, c_v, c_w = _contact_torque(x, v, w, h, theta, K, D, slope)
-        contact[i] = c
+        c, c_x, c_v, c_w = _contact_torque(x, v, w, h, joint, slope)
+        waves[0, i] = c
         v_end = 2 * w - v - h * c
-        if columns > 2:
-            loss_gain = 1 + theta[LOSS] * c / np.sqrt(c * c + smoothing * smoothing)
+        if columns > 3:
             for k in range(6):
-                own[2 + k] = slope[k]
+                own[3 + k] = slope[k]
             tilt = cosine + sine * middle
-            source[2 + FRICTION] = g
-            source[2 + PHASE] = tilt
-            source[2 + GRAVITY] = sine + g * theta[FRICTION] - cosine * middle
-            source[2 + LAG] = motion[2, i] + tilt * motion[0, i]
-        for k in range(columns):
-            x_slope, v_slope = jacobian[0, k], jacobian[1, k]
+            source[3 + FRICTION] = g
+            source[3 + PHASE] = tilt
+            source[3 + GRAVITY] = sine + g * theta[FRICTION] - cosine * middle
+            source[3 + LAG] = motion[2, i] + tilt * motion[0, i]
+        for k in range(1, columns):
+            x_slope, v_slope = state[0, k], state[1, k]
             w_slope = v_slope + 0.5 * h * (source[k] - cosine * (x_slope + 0.5 * h * v_slope))
             c_k = own[k] + c_x * x_slope + c_v * v_slope + c_w * w_slope
             v_end_k = 2 * w_slope - v_slope - h * c_k
-            jacobian[0, k] = x_slope + 0.5 * h * (v_slope + v_end_k)
-            jacobian[1, k] = v_end_k
-            waves[k, i] = loss_gain * c_k
+            state[0, k] = x_slope + 0.5 * h * (v_slope + v_end_k)
+            state[1, k] = v_end_k
+            waves[k, i] = c_k
         x += 0.5 * h * (v + v_end)
         v = v_end
-    state[0], state[1] = x, v
+    state[0, 0], state[1, 0] = x, v
+
+
+def _simulate(
+    theta: FloatArray, c: Window, forcing: FloatArray, start: FloatArray, unknowns: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Where a load ends that begins with x and x', shape (2, 1 + 2 + unknowns), with slopes; its contact torques."""
+    state = _BEGIN[:, : 3 + unknowns].copy()
+    state[:, 0] = start
+    waves = np.empty((3 + unknowns, forcing.shape[1]))
+    _simulate_turn(theta, c.step_s, c.motion, forcing, state, waves)
+    return state, waves
 
 
 def _close_orbit(
-    theta: FloatArray, c: Window, forcing: FloatArray, settling_turns: int, begin: FloatArray
+    theta: FloatArray, c: Window, forcing: FloatArray, settling_turns: int, start: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """Find where a turn ends where it begins, by Newton's method, and its contact torques.
 
     None if it finds none, or no load keeps to it. The last step moves the contact torques by their slopes.
     """
-    start, steps = begin.copy(), forcing.shape[1]
-    contact, by_start = np.empty(steps), np.empty((2, steps))
     before, rate = math.inf, np.exp(max(0.5 * theta[STIFFNESS], -700.0))  # above 0
     for turn in range(settling_turns + _MOST_TURNS):
-        end, jacobian = start.copy(), _UNIT.copy()
-        _simulate_turn(theta, c.step_s, c.motion, forcing, 1.0, end, jacobian, contact, by_start)
-        (xx, xv), (vx, vv) = jacobian.tolist()
-        miss_x, miss_v = (end - start).tolist()
+        end, waves = _simulate(theta, c, forcing, start)
+        miss_x, miss_v = (end[:, 0] - start).tolist()
+        (xx, xv), (vx, vv) = end[:, 1:].tolist()
         distance = abs(miss_x) + abs(miss_v) / rate
         if not distance < 1.0:  # ran away
             return None
@@ -271,14 +301,14 @@ def _close_orbit(
         if is_settled and distance < before and abs(determinant) > _LEAST_DETERMINANT:
             step_x = ((1 - vv) * miss_x + xv * miss_v) / determinant
             step_v = (vx * miss_x + (1 - xx) * miss_v) / determinant
-            start += (step_x, step_v)
+            start = np.add(start, (step_x, step_v))
             if distance < _NEARLY_CLOSED_RAD:
-                contact += step_x * by_start[0] + step_v * by_start[1]
+                contact = waves[0] + (step_x * waves[1] + step_v * waves[2])
                 product = xx * vv - xv * vx
                 # Whether both multipliers are within the unit circle.
                 return (start, contact) if product <= 1 and abs(xx + vv) <= 1 + product else None
         else:
-            start = end
+            start = end[:, 0]
         if is_settled:
             before = distance
     return None
@@ -310,22 +340,24 @@ def _force_load(theta: FloatArray, c: Window) -> FloatArray:
 class Responses(NamedTuple):
     """Responses at each harmonic: of the torque's log, of the speed's, and of the joint in contact."""
 
+    rho: float
     torque_log: ComplexArray  # delay and low-pass
+    motor: ComplexArray  # N J_m with these
     lag: ComplexArray
     spring: ComplexArray  # K and its damper
     carried: ComplexArray  # the load's torque over that of the motor's own inertia
 
 
 class Prediction(NamedTuple):
-    """What a joint makes of the motor's motion: its periodic orbit, and the torque's harmonics with their SDs."""
+    """What a joint makes of the motor's motion: the load's, and the torque's harmonics with their SDs."""
 
     theta: FloatArray
-    start: FloatArray  # x and x' where the turn begins
     forcing: FloatArray
-    contact: FloatArray  # contact torque of each step
     response: Responses
-    torque: ComplexArray
     sd: FloatArray
+    start: FloatArray  # x and x' where the turn begins; of strokes what is free, too
+    contact: FloatArray  # contact torque of each step
+    torque: ComplexArray
     left: ComplexArray  # of the measured harmonics, with the other sign
 
 
@@ -335,65 +367,65 @@ def predict(theta: FloatArray, c: Window, start: FloatArray | None = None) -> Pr
     Of strokes it is the motion that fits best, from a start near one, or near where the load would rest.
     """
     if c.stroke:
-        return _fit_start(theta * c.stroke.signs, c, c.stroke, start)
+        theta = theta * c.stroke.signs
     forcing = _force_load(theta, c)
+    if c.stroke:
+        return _fit_start(theta, c, c.stroke, forcing, start)
     settling_turns = _SETTLING_TURNS if start is None else 0
     orbit = _close_orbit(theta, c, forcing, settling_turns, np.zeros(2) if start is None else start)
     if orbit is None:
         return None
-    begin, contact = orbit
-    torque, sd, response = predict_torque(theta, c, contact)
-    return Prediction(theta, begin, forcing, contact, response, torque, sd, torque - c.torque)
+    response, sd = respond(theta, c)
+    _, contact = orbit
+    torque = _torque_of(
+        response, _at_harmonics(contact + theta[LOSS] * smooth_abs(contact, c), c), c
+    )
+    return Prediction(theta, forcing, response, sd, *orbit, torque, torque - c.torque)
 
 
 def _fit_start(
-    theta: FloatArray, c: Window, stroke: Stroke, start: FloatArray | None
+    theta: FloatArray, c: Window, stroke: Stroke, forcing: FloatArray, start: FloatArray | None
 ) -> Prediction | None:
     """The motion whose start, and whose motor's friction and ripple, fit best, by Gauss's and Newton's method.
 
-    None if the load runs away.
+    None if the load runs away. The last step moves the torque by its slopes.
     """
-    forcing = _force_load(theta, c)
-    force, lowest, best = float(forcing[0, 0]), math.inf, None
-    waves = np.empty((2, forcing.shape[1]))
+    response, sd = respond(theta, c)
     if start is None:
+        force = float(forcing[0, 0])
         rest = force / np.exp(theta[STIFFNESS]) + math.copysign(1e-3 * theta[DELTA], force)
         start = np.array([rest, 0.0])
     # Another comparison's start may be of fewer or more that is free.
     count = 2 + len(stroke.free)
     start = np.append(start, np.zeros(count))[:count]
+    lowest, best = math.inf, None
     for _ in range(_MOST_STARTS):
-        state, contact = start[:2].copy(), np.empty(forcing.shape[1])
-        _simulate_turn(
-            *(theta, c.step_s, c.motion, forcing, 1.0, state, _UNIT.copy(), contact, waves)
-        )
-        torque, sd, response = predict_torque(theta, c, contact)
-        left = _in_window(torque, stroke, c) + start[2:] @ stroke.free - c.torque
-        here = Prediction(theta, start, forcing, contact, response, torque, sd, left)
-        residuals = torque_residuals(here)
+        end, waves = _simulate(theta, c, forcing, start[:2])
+        size, rows = _carry(theta, c, waves)
+        rows[0] = waves[0] + theta[LOSS] * size
+        carried = _at_harmonics(rows, c)
+        torque = _torque_of(response, carried[0], c)
+        by_start = response.motor * response.rho * carried[1:]
+        windowed = _in_window(np.vstack([torque, by_start]), stroke, c)
+        left = windowed[0] + start[2:] @ stroke.free - c.torque
+        residuals = (left / sd).view(float)
         chi2 = float(residuals @ residuals)
-        if not (abs(state[0]) < 1.0 and chi2 < lowest):
+        if not (abs(end[0, 0]) < 1.0 and chi2 < lowest):
             break
-        best, lowest = here, chi2
-        waves *= 1 + theta[LOSS] * contact / smooth_abs(contact, c)
-        slopes, normal = _slopes_by_start(here, c, stroke, _at_harmonics(waves, c))
+        best, lowest = Prediction(theta, forcing, response, sd, start, waves[0], torque, left), chi2
+        rows = np.vstack([windowed[1:], stroke.free])
+        slopes = (rows / sd).view(float).T
         downhill = -slopes.T @ residuals
-        step = np.linalg.solve(normal, downhill)
-        if step @ downhill < _LEAST_GAIN:
-            break
+        step = np.linalg.solve(slopes.T @ slopes + stroke.least, downhill)
         start = start + step
+        if step @ downhill < _LEAST_GAIN * chi2:
+            return best._replace(
+                start=start,
+                contact=waves[0] + step[:2] @ waves[1:],
+                torque=torque + step[:2] @ by_start,
+                left=left + step @ rows,
+            )
     return best
-
-
-def _slopes_by_start(
-    predicted: Prediction, c: Window, stroke: Stroke, contact_slope: ComplexArray
-) -> tuple[FloatArray, FloatArray]:
-    """Slopes of strokes' residuals by their start, by those of the harmonics of c + mu |c|, and the normal matrix."""
-    gain = predicted.response.torque_log * np.exp(predicted.theta[[INERTIA, RATIO]].sum())
-    rows = np.vstack([_in_window(gain * contact_slope, stroke, c), stroke.free])
-    slopes = (rows / predicted.sd).view(float).T
-    weights = [*_START_WEIGHT, *[_LEAST_WEIGHT] * len(stroke.free)]
-    return slopes, slopes.T @ slopes + np.diag(weights)
 
 
 def _in_window(harmonics: ComplexArray, stroke: Stroke, c: Window) -> ComplexArray:
@@ -403,28 +435,25 @@ def _in_window(harmonics: ComplexArray, stroke: Stroke, c: Window) -> ComplexArr
     return np.take(np.fft.rfft(stroke.taper * np.fft.irfft(grid)), c.order, axis=-1)
 
 
-def respond(theta: FloatArray, c: Window) -> Responses:
-    """Find the responses of log and joint at each harmonic."""
+def respond(theta: FloatArray, c: Window) -> tuple[Responses, FloatArray]:
+    """Find the responses of log and joint at each harmonic; and the SDs of the torque's harmonics.
+
+    These are of the torque's noise, of the speed's, and of the model's error.
+    """
     delay, low_pass, lag = theta[[DELAY, FILTER, LAG]].tolist()
     log = np.exp(-delay * c.per_ms) / (1 + low_pass * c.per_ms)
     K, zeta, rho = np.exp(theta[[STIFFNESS, DAMPING, RATIO]]).tolist()
     spring = K + 2e3 * (zeta + c.ring_damping) * math.sqrt(K) * c.per_ms
-    return Responses(log, 1 + lag * c.per_ms, spring, rho * spring / (spring - c.omega**2))
-
-
-def predict_torque(
-    theta: FloatArray, c: Window, contact: FloatArray
-) -> tuple[ComplexArray, FloatArray, Responses]:
-    """The torque's harmonics by the contact torque, N J_m (a / N + rho (c + mu |c|)), late, with SDs and response.
-
-    An SD is that of the torque's noise, of the speed's, and of the model's error.
-    """
-    response = respond(theta, c)
-    J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
-    carried = _at_harmonics(contact + theta[LOSS] * smooth_abs(contact, c), c)
-    torque = J * response.torque_log * (response.lag * c.acceleration + rho * carried)
+    carried = rho * spring / (spring - c.omega**2)
+    motor = np.exp(theta[INERTIA]) * log
+    response = Responses(rho, log, motor, 1 + lag * c.per_ms, spring, carried)
     variance = _spread(_noise_power(theta, response, c), c) + c.own_variance
-    return torque, np.sqrt(variance), response
+    return response, np.sqrt(variance)
+
+
+def _torque_of(response: Responses, carried: ComplexArray, c: Window) -> ComplexArray:
+    """The torque's harmonics by those of c + mu |c|: N J_m (a / N + rho (c + mu |c|)), late."""
+    return response.motor * (response.lag * c.acceleration + response.rho * carried)
 
 
 def _noise_power(theta: FloatArray, response: Responses, c: Window) -> FloatArray:
@@ -444,6 +473,12 @@ def smooth_abs(contact: FloatArray, c: Window) -> FloatArray:
     return np.sqrt(contact * contact + c.smoothing**2)
 
 
+def _carry(theta: FloatArray, c: Window, waves: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """|c| of waves whose first is c, the others its slopes; and these as those of c + mu |c|."""
+    size = smooth_abs(waves[0], c)
+    return size, (1 + theta[LOSS] * waves[0] / size) * waves
+
+
 def _at_harmonics(waves: FloatArray, c: Window) -> ComplexArray:
     """The compared harmonics of waves, shape (..., steps), as (..., harmonics)."""
     padded = c.stroke.pads * waves if c.stroke else waves
@@ -457,39 +492,38 @@ def torque_residuals(predicted: Prediction) -> FloatArray:
 
 def differentiate(predicted: Prediction, c: Window) -> tuple[FloatArray, FloatArray]:
     """Slopes of the residuals, shape (residuals, unknowns), and of the start; not finite where orbits part."""
-    theta, steps = predicted.theta, predicted.contact.size
-    end, jacobian = predicted.start[:2].copy(), np.eye(2, 2 + OF_CONTACT)
-    unused, waves = np.empty(steps), np.empty((3 + OF_CONTACT, steps))
-    _simulate_turn(
-        *(theta, c.step_s, c.motion, predicted.forcing, c.smoothing, end, jacobian, unused, waves)
-    )
-    waves[-1] = smooth_abs(predicted.contact, c)
+    theta = predicted.theta
+    end, waves = _simulate(theta, c, predicted.forcing, predicted.start[:2], OF_CONTACT)
+    _, waves = _carry(theta, c, waves)
+    waves[0] = smooth_abs(predicted.contact, c)
     slope = _at_harmonics(waves, c)
     if c.stroke:
-        slopes = _residual_slopes(predicted, c, slope[2:-1], slope[-1])
-        by_start, normal = _slopes_by_start(predicted, c, c.stroke, slope[:2])
+        slopes = _residual_slopes(predicted, c, slope[3:], slope[0])
+        response = predicted.response
+        rows = _in_window(response.motor * response.rho * slope[1:3], c.stroke, c)
+        by_start = (np.vstack([rows, c.stroke.free]) / predicted.sd).view(float).T
+        normal = by_start.T @ by_start + c.stroke.least
         start_slopes = -np.linalg.solve(normal, by_start.T @ slopes)
         return (slopes + by_start @ start_slopes) * c.stroke.signs, start_slopes * c.stroke.signs
     # The start moves with the unknowns, so that the turn ends where it begins.
-    (p, q), (r, s) = np.eye(2) - jacobian[:, :2]
-    start_slopes = np.array([[s, -q], [-r, p]]) @ jacobian[:, 2:] / (p * s - q * r)
-    contact_slope = slope[2:-1] + start_slopes.T @ slope[:2]
-    return _residual_slopes(predicted, c, contact_slope, slope[-1]), start_slopes
+    (p, q), (r, s) = np.eye(2) - end[:, 1:3]
+    start_slopes = np.array([[s, -q], [-r, p]]) @ end[:, 3:] / (p * s - q * r)
+    contact_slope = slope[3:] + start_slopes.T @ slope[1:3]
+    return _residual_slopes(predicted, c, contact_slope, slope[0]), start_slopes
 
 
 def _residual_slopes(
     predicted: Prediction, c: Window, contact_slope: ComplexArray, loss_slope: ComplexArray
 ) -> FloatArray:
     """Slopes of the residuals by all unknowns, by those of the harmonics of c + mu |c|."""
-    theta, response, torque = predicted.theta, predicted.response, predicted.torque
-    J, rho = np.exp(theta[[INERTIA, RATIO]]).tolist()
-    gain = J * response.torque_log
+    theta, response = predicted.theta, predicted.response
+    gain, rho = response.motor, response.rho
     slope = np.empty((theta.size, c.omega.size), dtype=complex)
     np.multiply(gain * rho, contact_slope, out=slope[:OF_CONTACT])
     slope[LAG] += gain * c.per_ms * c.acceleration
-    slope[RATIO] = torque - gain * response.lag * c.acceleration
-    slope[INERTIA] = torque
-    slope[DELAY] = -c.per_ms * torque
+    slope[RATIO] = predicted.torque - gain * response.lag * c.acceleration
+    slope[INERTIA] = predicted.torque
+    slope[DELAY] = -c.per_ms * predicted.torque
     slope[LOSS] = gain * rho * loss_slope
     slope[FILTER] = slope[DELAY] / (1 + theta[FILTER] * c.per_ms)
     if c.stroke:
@@ -501,7 +535,7 @@ def _residual_slopes(
 
 def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     """Slopes of the torque's SDs by the unknowns, shape (unknowns, harmonics): the speed's noise goes with them."""
-    theta, response, sd = predicted.theta, predicted.response, predicted.sd
+    theta, response = predicted.theta, predicted.response
     spring, carried = response.spring, response.carried
     half_damper = 0.5j * spring.imag
     spring_slope = carried * (1 / spring - 1 / (spring - c.omega**2)) / (1 + carried)
@@ -514,7 +548,7 @@ def _sd_slopes(predicted: Prediction, c: Window) -> FloatArray:
     slope[INERTIA] = 1.0
     slope[FILTER] = -(c.per_ms / (1 + theta[FILTER] * c.per_ms)).real
     slope *= _noise_power(theta, response, c)
-    return np.asarray(_spread(slope, c) / sd)
+    return np.asarray(_spread(slope, c) / predicted.sd)
 
 
 class Predictions(NamedTuple):

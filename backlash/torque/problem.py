@@ -19,6 +19,7 @@ from backlash.torque.load import (
     SHARE,
     SOFT,
     STIFFNESS,
+    Accuracy,
     Comparison,
     compare,
 )
@@ -43,18 +44,9 @@ class ComparisonSettings:
     """Constants of the comparison, each with its source."""
 
     driven_hz: float = 300.0  # of the motion that drives the load: five times the fastest ring
-    fitted_hz: float = 100.0  # of the torque: beyond, simulated joints' logs hold noise alone
-    # A fifth of a radian of a ring of 30 Hz; a third of it moves nine of ten backlashes by less than 0.7 %.
-    step_s: float = 1e-3
-    search_step_s: float = 1.4e-3  # where the model may err by more
-    most_harmonics: int = 80
-    search_harmonics: int = 20  # with few harmonics the misfit has few minima
     least_harmonics: int = 12  # more numbers than unknowns
     # Of the motor's turn: encoders err once and twice, torques ripple with the phases.
     motor_orders: tuple[int, ...] = (1, 2, 6)
-    # Of the torque: cogging's side bands, friction that is not constant. In the search the load's data are still wrong.
-    model_error: float = 0.02
-    search_model_error: float = 0.1
     loss_smoothing: float = 0.01  # of gravity, within which the loss changes its sign
     soft_wind_up: float = 0.2  # SD of the soft part's share of gravity's wind-up
     friction_beyond_sd: float = 0.05  # by which the load's friction may exceed all friction
@@ -62,6 +54,11 @@ class ComparisonSettings:
 
 
 SETTINGS = ComparisonSettings()
+# Of the torque: cogging's side bands, friction that is not constant. A step is a fifth of a radian of a ring of 30 Hz;
+# a third of it moves nine of ten backlashes by less than 0.7 %. Beyond 100 Hz simulated joints' logs hold noise alone.
+FINE = Accuracy(0.02, 1e-3, 100.0, 80)
+# In the search the load's data are still wrong; with few harmonics the misfit has few minima.
+ROUGH = Accuracy(0.1, 1.4e-3, 30.0, 20)
 _SOFT_SD, _BEYOND_SD = SETTINGS.soft_wind_up, SETTINGS.friction_beyond_sd
 # What the comparison is rounded to: of a harmonic a share of its noise's SD, which moves chi squared by about one, or
 # of itself, a hundredth of the model's error; of an SD as much as some hundred numbers tell of it.
@@ -114,13 +111,13 @@ def measure_turn(recording: Recording, torque: FloatArray) -> MeasuredTurn:
             "the torque, or that of the speed, may be reversed; change its sign",
             Reason.NO_GRAVITY,
         )
-    used = (speed.omega <= TURN * SETTINGS.fitted_hz) & (speed.order <= SETTINGS.most_harmonics)
+    used = (speed.omega <= TURN * FINE.fitted_hz) & (speed.order <= FINE.most_harmonics)
     # A log of the joint's side has no orders of the motor's.
     orders = gear_ratio * np.array(SETTINGS.motor_orders if gear_ratio > 1.5 else ())
     used &= ~(np.abs(speed.order[:, None] - orders) < 1.5).any(axis=1)
     if used.sum() < SETTINGS.least_harmonics:
         raise Refusal(
-            f"{used.sum()} harmonics of the turn up to {SETTINGS.fitted_hz:g} Hz can be compared; "
+            f"{used.sum()} harmonics of the turn up to {FINE.fitted_hz:g} Hz can be compared; "
             f"{SETTINGS.least_harmonics} are needed: sample faster",
             Reason.TOO_SLOWLY_SAMPLED,
         )
@@ -258,15 +255,8 @@ def wind_up_share(theta: FloatArray) -> tuple[float, FloatArray]:
     return soft / whole, slope
 
 
-def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) -> Problem:
-    """Priors by the table of unknowns, by the load's data and, of phase and inertia, by the first harmonic.
-
-    A rough one has few harmonics, of which the model may err by more, and longer steps.
-    """
-    c = SETTINGS
-    harmonics = c.search_harmonics if is_rough else c.most_harmonics
-    model_error = c.search_model_error if is_rough else c.model_error
-    step_s = c.search_step_s if is_rough else c.step_s
+def state_problem(turn: MeasuredTurn, load: LoadData, accuracy: Accuracy = FINE) -> Problem:
+    """Priors by the table of unknowns, by the load's data and, of phase and inertia, by the first harmonic."""
     g, rho = load.gravity_per_s2, load.inertia_ratio
     first = turn.torque.coefficient[0]
     inertial = (1 + rho) * 1j * turn.speed.omega[0] * turn.speed.coefficient[0]
@@ -274,9 +264,9 @@ def state_problem(turn: MeasuredTurn, load: LoadData, is_rough: bool = False) ->
     for _ in range(4):  # T = N J_m (inertial + rho g weight), whose direction is nearly that of T
         inertia = abs(first / (0.5 * rho * g * weight / abs(weight) + inertial))
         weight = first / inertia - inertial
-    used = turn.used & (turn.speed.order <= harmonics)
-    smoothing = c.loss_smoothing * g
-    compared = compare(turn.speed, turn.torque, used, model_error, step_s, smoothing)
+    used = turn.used & (turn.speed.order <= accuracy.most_harmonics)
+    smoothing = SETTINGS.loss_smoothing * g
+    compared = compare(turn.speed, turn.torque, used, accuracy, smoothing)
     prior = state_prior(load, float(np.angle(1j * weight)), inertia, turn.movement.friction)
     return Problem(Comparison((compared,), 2 * compared.order.size), prior)
 

@@ -276,7 +276,8 @@ def descend(
         return here
     slopes = _differentiate(problem, here)
     reach = SETTINGS.same if tolerance < SETTINGS.tolerance else 1.0
-    damping, growth, trials = 1e-3, 2.0, 0
+    damping, growth = 1e-3, 2.0
+    trials = 0
     # Where two orbits part slopes are not finite.
     while trials < SETTINGS.most_trials and np.isfinite(slopes.normal).all():
         step = _find_step(problem, here.theta, slopes, damping, holds_delta)
@@ -309,11 +310,8 @@ def descend(
 
 
 def _is_near(theta: FloatArray, chi2: float, ends: Sequence[Candidate], reach: float) -> bool:
-    lower = [each.theta for each in ends if each.chi2 < chi2]
-    if not lower:
-        return False
-    distance = np.abs((np.array(lower) - theta) / FIRST_STEP).max(axis=1)
-    return bool(distance.min() < reach)
+    lower = np.array([each.theta for each in ends if each.chi2 < chi2]).reshape(-1, theta.size)
+    return bool((np.abs((lower - theta) / FIRST_STEP).max(axis=1) < reach).any())
 
 
 def _find_step(

@@ -20,11 +20,11 @@ from backlash.load_data import LoadData
 from backlash.reading.samples import runs_of
 from backlash.refusals import Reason, Refusal
 from backlash.torque import problem
-from backlash.torque.load import LOSS, PHASE, Comparison, Stroke, Window, compare
+from backlash.torque.load import LOSS, PHASE, Accuracy, Comparison, Stroke, Window, compare
 from backlash.torque.problem import Movement, Problem
 from backlash.torque.search import Candidate
 from backlash.torque.unknowns import TABLE
-from backlash.turns import TURN, ComplexArray, Harmonics, round_to
+from backlash.turns import TURN, ComplexArray, Harmonics, round_to, sum_harmonics
 from replication.records import Recording
 from replication.signature import FloatArray
 
@@ -44,7 +44,6 @@ class StrokeSettings:
     before_s: tuple[float, float] = (0.2, 0.05)
     after_s: tuple[float, float] = (0.8, 0.25)
     ring_damping: float = 0.01  # a ring of 20 Hz that grows for half a second
-    search_hz: float = 30.0  # with fewer harmonics the misfit has few minima
     most_harmonics: int = 100
     beyond_hz: float = 20.0  # one over the edges of a window
     # Of the gear ratio, by gravity's course over the angle, if another leaves so much more of the torque: right ones
@@ -58,6 +57,9 @@ class StrokeSettings:
 
 SETTINGS = StrokeSettings()
 _NO_WEIGHT = 1e9  # of variances
+# Beside what is compared, of x and x' of 1 mrad at a usual ring: bounds a start's steps where no tooth touches.
+_START_WEIGHT = (1e6, 1e6 / (TURN * 22.0) ** 2)
+_LEAST_WEIGHT = 1e-30  # of what is free, so that the far trials of a search have a solution
 
 
 class MeanStroke(NamedTuple):
@@ -102,8 +104,7 @@ def measure_strokes(recording: Recording, torque: FloatArray) -> MeasuredStrokes
     strokes, level = find_strokes(smooth, dt)
     inside = np.concatenate([np.arange(each.start, each.stop) for each in strokes])
     acceleration = np.gradient(smooth, dt)
-    terms = np.array([low, angle, acceleration, smooth > 0])[:, inside]
-    gravity = _measure_gravity(*terms)
+    gravity = _measure_gravity(np.array([low, angle, acceleration, smooth > 0])[:, inside])
     signals = CubicSpline(np.arange(angle.size), [angle, speed, torque], axis=1)
     means, ends_deg = [], []
     for sign in (1, -1):
@@ -169,46 +170,44 @@ def find_strokes(smooth: FloatArray, dt: float) -> tuple[list[slice], float]:
     s = SETTINGS
     fast = 0.5 * np.percentile(np.abs(smooth), 95)
     runs = runs_of(np.where(np.abs(smooth) > fast, np.sign(smooth), 0.0))
-    strokes, speeds = [], []
+    found = []
     for start, length, sign in zip(*runs, strict=True):
         part = sign * smooth[start : start + length]
         flat = start + np.flatnonzero(part > 0.85 * np.median(part))
         if sign and flat[-1] - flat[0] > 5 * s.settling_s / dt:
-            strokes.append(
-                slice(flat[0] + int(s.settling_s / dt), flat[-1] - int(0.5 * s.settling_s / dt))
-            )
-            speeds.append(sign * np.median(part))
-    level = float(np.median(np.abs(speeds))) if speeds else 0.0
-    usable = [abs(abs(each) - level) < s.same_speed * level for each in speeds]
-    chosen = [stroke for stroke, is_usable in zip(strokes, usable, strict=True) if is_usable]
+            ends = flat[0] + int(s.settling_s / dt), flat[-1] - int(0.5 * s.settling_s / dt)
+            found.append((slice(*ends), float(np.median(part))))
+    level = float(np.median([speed for _, speed in found])) if found else 0.0
+    chosen = [each for each, speed in found if abs(speed - level) < s.same_speed * level]
     forth = sum(smooth[each.start] > 0 for each in chosen)
     if min(forth, len(chosen) - forth) < s.least_strokes:
         raise Refusal(
-            f"of {len(strokes)} strokes {forth} forth and {len(chosen) - forth} back have one speed; "
+            f"of {len(found)} strokes {forth} forth and {len(chosen) - forth} back have one speed; "
             f"{s.least_strokes} of each are needed, 4 to 6 are good",
             Reason.NOT_CONSTANT_SPEED,
         )
     return chosen, level
 
 
-def _measure_gravity(torque: FloatArray, angle: FloatArray, *others: FloatArray) -> Gravity:
-    """Gravity by the torque, smoothly, at angles; Refusal where there is none, or its course is no sine's.
+def _measure_gravity(signals: FloatArray) -> Gravity:
+    """Gravity by smooth torque, angle, acceleration and direction, 1 forth and 0 back, shape (4, samples).
 
-    The acceleration and the direction, 1 forth and 0 back, are the others'.
+    Refusal where there is none, or its course is no sine's.
     """
-    (sine, cosine, _, forth, back), left = _regress(torque, angle, *others)
+    size = signals.shape[1]
+    (sine, cosine, _, forth, back), left = _regress(signals)
     gravity, friction = math.hypot(sine, cosine), (forth - back) / 2
-    rest = math.sqrt(left / torque.size)
+    rest = math.sqrt(left / size)
     if gravity < SETTINGS.least_gravity * rest or friction < -SETTINGS.least_friction * gravity:
         raise Refusal(
             f"gravity moves the torque by {gravity:.3g} in the log's unit, friction by {friction:.3g}, all else by "
             f"{rest:.3g}; is it this motor's torque, positive where it drives forward, and the axis horizontal?",
             Reason.NO_GRAVITY,
         )
-    some = slice(None, None, 1 + torque.size // 4000)
     ratios = np.geomspace(0.25, 4, 49)
-    rows = [torque[some], (angle - angle.mean())[some], *(each[some] for each in others)]
-    lefts = [_regress(rows[0], ratio * rows[1], *rows[2:])[1] for ratio in ratios]
+    some = signals[:, :: 1 + size // 4000].copy()
+    some[1] -= signals[1].mean()
+    lefts = [_regress(some * [[1], [ratio], [1], [1]])[1] for ratio in ratios]
     ratio = ratios[np.argmin(lefts)]
     low, high = SETTINGS.ratios
     if not low < ratio < high and lefts[ratios.size // 2] > SETTINGS.clear_ratio * min(lefts):
@@ -220,10 +219,9 @@ def _measure_gravity(torque: FloatArray, angle: FloatArray, *others: FloatArray)
     return Gravity(*round_to(numbers, 1e-3 * np.array([gravity, 1.0, 1.0])).tolist())
 
 
-def _regress(
-    torque: FloatArray, angle: FloatArray, acceleration: FloatArray, forth: FloatArray
-) -> tuple[FloatArray, float]:
+def _regress(signals: FloatArray) -> tuple[FloatArray, float]:
     """Gravity's sine and cosine, inertia, friction forth and back by a torque, and the squares that they leave."""
+    torque, angle, acceleration, forth = signals
     terms = np.array([np.sin(angle), np.cos(angle), acceleration, forth, 1 - forth]).T
     found = np.linalg.lstsq(terms, torque, rcond=None)[0]
     return found, float(np.square(torque - terms @ found).sum())
@@ -256,7 +254,9 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
         problem.round_below_noise(Harmonics(order, omega, *each))
         for each in zip(lines, sd, strict=True)
     )
-    wave = _wave(of_speed.coefficient / (1j * omega), order, n) + mean_speed * dt * np.arange(n)
+    wave = sum_harmonics(
+        of_speed.coefficient / (1j * omega), order, n
+    ) + mean_speed * dt * np.arange(n)
     first = float(round_to(taper @ (angle - wave) / taper.sum(), 1e-4))
     used = omega < TURN * 0.4 / dt
     terms = taper * [np.sin(angle + phase), np.cos(angle + phase)]
@@ -268,38 +268,30 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
     )
 
 
-def _wave(coefficient: ComplexArray, order: NDArray[np.int64], size: int) -> FloatArray:
-    """Sum of some harmonics at even times."""
-    grid = np.zeros(size // 2 + 1, dtype=complex)
-    grid[order] = coefficient
-    return np.asarray(size * np.fft.irfft(grid, size))
-
-
-def state_strokes(measured: MeasuredStrokes, load: LoadData, is_rough: bool = False) -> Problem:
-    """Priors by the table of unknowns, the load's data and gravity's course; a rough one has few harmonics."""
+def state_strokes(
+    measured: MeasuredStrokes, load: LoadData, accuracy: Accuracy = problem.FINE
+) -> Problem:
+    """Priors by the table of unknowns, the load's data and gravity's course."""
     inertia = measured.gravity.torque / (load.inertia_ratio * load.gravity_per_s2)
     prior = problem.state_prior(load, measured.gravity.phase, inertia, measured.gravity.friction)
     # Else chi squared falls where a gear gains torque, and a large inertia makes much noise of the speed's.
     prior.weight_below_zero[LOSS] = SETTINGS.gain_sd**-2
-    windows = tuple(_state_window(each, measured, load, is_rough) for each in measured.means)
+    windows = tuple(_state_window(each, measured, load, accuracy) for each in measured.means)
     size = sum(w.stroke.size for w in windows if w.stroke)
     return Problem(Comparison(windows, size), prior, problem.OF_STROKES)
 
 
 def _state_window(
-    mean: MeanStroke, measured: MeasuredStrokes, load: LoadData, is_rough: bool
+    mean: MeanStroke, measured: MeasuredStrokes, load: LoadData, accuracy: Accuracy
 ) -> Window:
-    c, dt, n = problem.SETTINGS, measured.sample_s, mean.taper.size
-    hz, advance = SETTINGS.search_hz if is_rough else c.fitted_hz, mean.mean_speed * n * dt
+    c, n = problem.SETTINGS, mean.taper.size
+    lasts_s, hz = n * measured.sample_s, accuracy.fitted_hz
     # What lies beyond what is compared reaches it through the window's edges.
-    last = min(hz, SETTINGS.most_harmonics / (n * dt))
+    last = min(hz, SETTINGS.most_harmonics / lasts_s)
     used = mean.used & (mean.speed.omega < TURN * (last + SETTINGS.beyond_hz))
-    error, step_s = (
-        (c.search_model_error, c.search_step_s) if is_rough else (c.model_error, c.step_s)
-    )
     smoothing = c.loss_smoothing * load.gravity_per_s2
-    begin = np.exp(1j * mean.first_rad)
-    window = compare(mean.speed, mean.torque, used, error, step_s, smoothing, begin, advance)
+    course = np.exp(1j * mean.first_rad), mean.mean_speed * lasts_s
+    window = compare(mean.speed, mean.torque, used, accuracy, smoothing, *course)
     grid = 4 * next_fast_len(int(window.order[-1]) + 1, real=True)
     taper = np.interp(np.arange(grid) * n / grid, np.arange(n), mean.taper)
     signs = np.ones(len(TABLE))
@@ -317,7 +309,8 @@ def _state_window(
     size = 2 * is_compared.sum() * np.square(taper).mean() - 2 - len(free)
     power = np.square(np.abs(np.fft.fft(mean.taper)[: window.order.size]))
     spread = toeplitz(power) / (2 * power.sum() - power[0])
-    stroke = Stroke(signs, pads, taper, free, spread, size)
+    least = np.diag([*_START_WEIGHT, *[_LEAST_WEIGHT] * len(free)])
+    stroke = Stroke(signs, pads, taper, free, least, spread, size)
     return window._replace(
         own_variance=own_variance, stroke=stroke, ring_damping=SETTINGS.ring_damping
     )
@@ -331,7 +324,7 @@ def trace_strokes(measured: MeasuredStrokes, stated: Problem, best: Candidate) -
     ):
         inside = mean.taper == 1
         torque = mean.torques.mean(axis=0)[inside]
-        model = _wave(each.torque, window.order, mean.taper.size)[inside]
+        model = sum_harmonics(each.torque, window.order, mean.taper.size)[inside]
         parts.append([torque, model + (torque - model).mean()])
     torque, model = np.concatenate(parts, axis=1)
     return Trace(measured.sample_s * np.arange(torque.size), torque, model, TORQUE_SIGNAL)

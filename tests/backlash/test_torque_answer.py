@@ -69,23 +69,25 @@ def test_a_gear_that_loses_much_torque_is_answered():
     assert is_covered(answer(draw_log(np.random.default_rng((31, 3)), DELTA, 0.1, 0.4)), DELTA)
 
 
+# What is so, within how many SDs the backlash is told beside it, and how many it has itself at least: the soft part's
+# SD, 0.13 mrad of which are the model's, is too wide for three.
 UNKNOWN_BESIDE = {
-    "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0),
-    "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.3),
+    "torque_filter_ms": (Fault(torque_filter_s=5e-3), 5.0, 3.0, 3),
+    "soft_mrad": (Fault(soft_share=0.4, soft_rad=3e-4), 0.3, 1.96, 2),
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", UNKNOWN_BESIDE)
 def test_a_low_passed_torque_and_soft_teeth_are_told_beside_the_backlash(name):
-    fault, true = UNKNOWN_BESIDE[name]
+    fault, true, most, least = UNKNOWN_BESIDE[name]
     estimate = answer(draw_log(np.random.default_rng((31, 6)), DELTA, 0.1, 0.1, fault))
     low, high = estimate.backlash_interval_rad
-    assert abs(estimate.backlash_rad - DELTA) < 0.75 * (high - low)  # three SDs
+    assert abs(estimate.backlash_rad - DELTA) < most * (high - low) / 3.92
     value, sd = estimate.joint[name]
     # The delay takes a part of the low-pass, and the share of the stiffness is not the model's.
     assert value == pytest.approx(true, rel=0.4)
-    assert value > 2 * sd
+    assert value > least * sd
 
 
 def test_a_healthy_joint_has_none_and_its_joint_s_side_gives_no_all_clear():
@@ -281,21 +283,29 @@ def test_no_verdict_flips_and_no_answer_moves_by_a_percent_however_a_log_is_writ
             assert told == pytest.approx([first.backlash_rad] * len(told), rel=0.01)
 
 
-ANSWER_EACH = """
-import json
-from tests.backlash.test_torque_answer import answer, answer_by_masses, draw_plain
-log = draw_plain()
-print(json.dumps([each.to_dict() for each in (answer(log), answer_by_masses(log))]))
+ANSWER = """
+import json, numpy as np
+from studies.simulated_joints import TO_AND_FRO, draw_log
+from tests.backlash.test_torque_answer import DELTA, answer, answer_by_masses, draw_plain
+print(json.dumps([each.to_dict() for each in {}]))
 """
 
 
-def test_under_other_kernels_the_known_answer_is_so_to_1e_9_by_ratios_or_by_masses():
-    command = [sys.executable, "-c", ANSWER_EACH]
-    kernels = {"OPENBLAS_CORETYPE": "Prescott"}
+def answers_under_other_kernels(expression: str) -> list[dict]:
     ended = subprocess.run(
-        command, cwd=ROOT, env=os.environ | kernels, stdout=subprocess.PIPE, text=True, check=True
+        [sys.executable, "-c", ANSWER.format(expression)],
+        cwd=ROOT,
+        env=os.environ | {"OPENBLAS_CORETYPE": "Prescott"},
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
     )
-    answers = json.loads(ended.stdout)
+    return json.loads(ended.stdout)
+
+
+def test_under_other_kernels_the_known_answer_is_so_to_1e_9_by_ratios_or_by_masses():
+    each_way = "[answer(draw_plain()), answer_by_masses(draw_plain())]"
+    answers = answers_under_other_kernels(each_way)
     for each in answers:
         assert (each["backlash_rad"], each["chi_squared"]) == pytest.approx(KNOWN, rel=1e-9)
     low, high = answers[1]["backlash_interval_rad"]

@@ -3,7 +3,6 @@
 import ast
 import importlib
 import inspect
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +24,7 @@ from backlash.torque.load import (
     PHASE,
     SOFT,
     STIFFNESS,
+    predict,
 )
 from backlash.torque.problem import measure_turn, state_problem
 from backlash.torque.search import descend, evaluate, hold_delta
@@ -37,54 +37,50 @@ from studies.simulated_joints import draw_log
 def problem():
     """What is compared of a drawn joint, and unknowns near it."""
     log = draw_log(np.random.default_rng(4), 9e-4, 0.2, 0.1)
-    record = Recording(
-        log.t, log.v, float(log.v.mean()), log.gear_ratio / float(log.v.mean()), "made"
-    )
-    turn = measure_turn(record, log.torque)
+    speed = float(log.v.mean())
+    record = Recording(log.t, log.v, speed, log.gear_ratio / speed, "made")
     given = LoadData(log.inertia_ratio, log.gravity_per_s2)
-    made = state_problem(turn, given)
+    made = state_problem(measure_turn(record, log.torque), given)
     theta = made.prior.mean.copy()
     theta[[DELTA, FRICTION, LOSS, DRAG]] = 0.9, 0.2, 0.1, 0.3
     theta[[SOFT, FILTER, DELAY]] = 0.2, 2.0, 0.5
     return made, theta
 
 
+@pytest.fixture(scope="module")
+def turn(problem):
+    """The only window, unknowns, and what they predict there."""
+    made, theta = problem
+    [window] = made.compared.windows
+    return window, theta, predict(theta, window)
+
+
 @pytest.mark.parametrize("place", range(len(NAMES)), ids=NAMES)
-def test_slopes_are_those_of_differences(problem, place):
-    made, theta = problem
-
-    def residuals(theta):
-        predicted = driven_load.predict(theta, made.compared.windows[0])
-        return driven_load.torque_residuals(predicted)
-
-    step = np.zeros(theta.size)
-    step[place] = 1e-5
-    expected = (residuals(theta + step) - residuals(theta - step)) / 2e-5
-    slopes, _ = driven_load.differentiate(
-        driven_load.predict(theta, made.compared.windows[0]), made.compared.windows[0]
+def test_slopes_are_those_of_differences(turn, place):
+    window, theta, here = turn
+    step = 1e-5 * (np.arange(theta.size) == place)
+    ahead, back = (
+        driven_load.torque_residuals(predict(theta + each, window)) for each in (step, -step)
     )
-    assert slopes[:, place] == pytest.approx(expected, abs=1e-4 * np.abs(expected).max() + 1e-6)
+    expected = (ahead - back) / 2e-5
+    slopes = driven_load.differentiate(here, window)[0][:, place]
+    assert slopes == pytest.approx(expected, abs=1e-4 * np.abs(expected).max() + 1e-6)
 
 
-def test_the_orbits_start_moves_as_its_slopes_say(problem):
-    made, theta = problem
-    here = driven_load.predict(theta, made.compared.windows[0])
-    _, slopes = driven_load.differentiate(here, made.compared.windows[0])
-    step = np.zeros(theta.size)
-    step[:OF_CONTACT] = 1e-6
-    ends = [
-        driven_load.predict(theta + sign * step, made.compared.windows[0]).start for sign in (1, -1)
-    ]
-    assert (ends[0] - ends[1]) / 2e-6 == pytest.approx(slopes.sum(axis=1), rel=1e-3)
+def test_the_orbits_start_moves_as_its_slopes_say(turn):
+    window, theta, here = turn
+    step = 1e-6 * (np.arange(theta.size) < OF_CONTACT)
+    ahead, back = (predict(theta + each, window).start for each in (step, -step))
+    slopes = driven_load.differentiate(here, window)[1]
+    assert (ahead - back) / 2e-6 == pytest.approx(slopes.sum(axis=1), rel=1e-3)
 
 
 @pytest.mark.parametrize("ln_stiffness", [-1e5, -2e3, 1e4, np.nan])
-def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(problem, ln_stiffness):
-    made, theta = problem
-    far = theta.copy()
-    far[STIFFNESS] = ln_stiffness
+def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(turn, ln_stiffness):
+    window, theta, _ = turn
+    far = np.where(np.arange(theta.size) == STIFFNESS, ln_stiffness, theta)
     with np.errstate(all="ignore"):
-        assert driven_load.predict(far, made.compared.windows[0], np.zeros(2)) is None
+        assert predict(far, window, np.zeros(2)) is None
 
 
 def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
@@ -103,77 +99,35 @@ def test_a_descent_goes_by_steps_that_no_machine_s_last_bits_change(problem):
 
 
 @pytest.mark.parametrize(("cosine", "is_stable"), [(25.0, True), (-25.0, False)])
-def test_an_orbit_that_no_load_keeps_to_is_no_answer(problem, cosine, is_stable):
+def test_an_orbit_that_no_load_keeps_to_is_no_answer(turn, cosine, is_stable):
     """In a wide gap a load hangs or stands at rest; Newton's method finds both."""
     forcing = np.zeros((3, 1000))
     forcing[1] = cosine
     theta = some_unknowns(delta_mrad=100.0, drag=0.0)
-    compared = problem[0].compared.windows[0]._replace(step_s=1e-3, motion=np.zeros((3, 1000)))
+    compared = turn[0]._replace(step_s=1e-3, motion=np.zeros((3, 1000)))
     orbit = driven_load._close_orbit(theta, compared, forcing, 0, np.zeros(2))
     assert (orbit is not None) == is_stable
 
 
-def test_a_turn_of_an_orbit_ends_where_it_begins_with_its_contact_torques(problem):
-    made, theta = problem
+def test_a_turn_of_an_orbit_ends_where_it_begins_with_its_contact_torques(turn):
+    window, theta, here = turn
     # From a start that is off by so much, Newton's last step goes by slopes alone.
-    here = driven_load.predict(theta, made.compared.windows[0])
-    again = driven_load.predict(
-        theta, made.compared.windows[0], here.start + np.array([2e-8, -5e-6])
-    )
+    again = predict(theta, window, here.start + np.array([2e-8, -5e-6]))
     assert again.start == pytest.approx(here.start, abs=1e-10)
     assert again.contact == pytest.approx(here.contact, abs=1e-7 * np.abs(here.contact).max())
-
-
-def torque_of(theta, compared, contact):
-    return driven_load.predict_torque(theta, compared, contact)[0]
-
-
-def gain_by_loss(problem, contact, loss=0.1):
-    """What a loss adds to the torque's harmonics."""
-    made, theta = problem
-    lossy, lossless = (
-        torque_of(
-            np.where(np.arange(theta.size) == LOSS, mu, theta), made.compared.windows[0], contact
-        )
-        for mu in (loss, 0.0)
-    )
-    return lossy - lossless
-
-
-def test_a_loss_is_a_share_of_the_torque_that_the_gear_carries_whichever_way(problem):
-    made, theta = problem
-    steps = made.compared.windows[0].motion.shape[1]
-    contact = 10 * np.cos(6 * np.pi * np.arange(steps) / steps)
-    size = torque_of(theta, made.compared.windows[0], np.abs(contact))
-    rest = torque_of(theta, made.compared.windows[0], 0 * contact)
-    added = gain_by_loss(problem, contact) - gain_by_loss(problem, 0 * contact)
-    assert added == pytest.approx(
-        0.1 / 1.1 * (size - rest), rel=0.02, abs=0.02 * np.abs(added).max()
-    )
-
-
-def test_a_smooth_loss_has_no_kink_where_the_torque_crosses_zero(problem):
-    made, _ = problem
-    gains = []
-    for near in (1e-4, 2e-4):
-        contact = np.zeros(made.compared.windows[0].motion.shape[1])
-        rest = gain_by_loss(problem, contact)
-        contact[7] = near * made.compared.windows[0].smoothing
-        gains.append(np.abs(gain_by_loss(problem, contact) - rest).max())
-    assert gains[1] == pytest.approx(4 * gains[0], rel=0.1)  # quadratic at zero
 
 
 # ------------------------------------------------------------------ by hand, and by SciPy
 
 
-def a_comparison(step_s=1e-4, **others):
+def a_comparison(step_s=1e-4):
     """Three harmonics of which two are compared, of a turn of 0.5 s."""
     order = np.arange(1, 4)
     omega = turns.TURN / 0.5 * order
     speed = turns.Harmonics(order, omega, np.array([0.03 + 0.01j, 0.005j, 0.002]), np.full(3, 1e-3))
     force = turns.Harmonics(order, omega, np.array([2 - 1j, 0.5, 0.1j]), np.array([0.1, 0.2, 0.3]))
-    given = {"model_error": 0.05, "smoothing": 0.01} | others
-    return driven_load.compare(speed, force, np.array([1, 0, 1], bool), step_s=step_s, **given)
+    accuracy = driven_load.Accuracy(0.05, step_s, 100.0, 80)
+    return driven_load.compare(speed, force, np.array([1, 0, 1], bool), accuracy, 0.01)
 
 
 def some_unknowns(**others):
@@ -228,30 +182,28 @@ def test_gravity_and_friction_force_the_load_at_the_measured_angle():
 
 
 def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
-    made, theta = a_comparison(), some_unknowns(loss=0.0)
-    t = (np.arange(made.motion.shape[1]) + 0.5) * made.step_s
-    contact = 2 * (0.7 * np.exp(4j * np.pi * t) + 0.2j * np.exp(12j * np.pi * t)).real
+    made, theta = a_comparison(), some_unknowns()
+    here = predict(theta, made)
     w, late = made.omega, np.exp(-6e-4j * made.omega) / (1 + 2e-3j * made.omega)
+    t = (np.arange(here.contact.size) + 0.5) * made.step_s
+    # The loss is a tenth of the torque that the gear carries, whichever way, smoothly where that is zero.
+    lost = 0.1 * np.hypot(here.contact, 0.01)
+    carried = (here.contact + lost) @ np.exp(-1j * np.outer(t, w)) / t.size
     inertial = 1j * w * (1 + 8e-4j * w) * np.array([0.03 + 0.01j, 0.002])
-    expected = 0.5 * late * (inertial + 2 * np.array([0.7, 0.2j]))
-    torque = torque_of(theta, made, contact)
-    np.testing.assert_allclose(torque, expected, rtol=1e-9)
+    expected = 0.5 * late * (inertial + 2 * carried)
+    np.testing.assert_allclose(here.torque, expected, rtol=1e-9)
     spring = 2e4 + 2j * 0.03 * np.sqrt(2e4) * w
     by_speed = 1e-3 * 0.5 * late * w * (1 + 8e-4j * w) * (1 + 2 * spring / (spring - w**2))
     sd = np.sqrt(np.abs(by_speed) ** 2 + made.own_variance)
-    np.testing.assert_allclose(driven_load.predict_torque(theta, made, contact)[1], sd, rtol=1e-9)
-    predicted = SimpleNamespace(left=torque - made.torque, sd=sd)
+    np.testing.assert_allclose(here.sd, sd, rtol=1e-9)
     residual = (expected - np.array([2 - 1j, 0.1j])) / sd
-    np.testing.assert_allclose(
-        driven_load.torque_residuals(predicted),
-        np.ravel([residual.real, residual.imag], "F"),
-        rtol=1e-9,
-    )
+    both = np.ravel([residual.real, residual.imag], "F")
+    np.testing.assert_allclose(driven_load.torque_residuals(here), both, rtol=1e-9)
 
 
 def test_the_orbit_is_the_one_that_scipy_integrates():
     made, theta = a_comparison(1e-4), some_unknowns()
-    orbit = driven_load.predict(theta, made)
+    orbit = predict(theta, made)
     h, steps = made.step_s, made.motion.shape[1]
     angle_by_lag, acceleration, acceleration_by_lag = made.motion
     q = np.angle(made.direction) + 0.8 * angle_by_lag + 0.4
@@ -281,7 +233,7 @@ def test_the_orbit_is_the_one_that_scipy_integrates():
 def test_half_a_step_has_a_third_of_the_error_or_less():
     """A damper at the step's begin, in place of its middle, has half the error instead."""
     torques = [
-        driven_load.predict(some_unknowns(), a_comparison(step_s)).torque
+        predict(some_unknowns(), a_comparison(step_s)).torque
         for step_s in (2e-3, 1e-3, 5e-4, 2.5e-4)
     ]
     changes = np.abs(np.diff(torques, axis=0)).max(axis=1)
