@@ -83,11 +83,10 @@ def test_a_head_says_the_measured_time_and_none_where_none_was_measured(monkeypa
     said = []
     monkeypatch.setattr(teaching, "say", said.append)
     monkeypatch.setattr(teaching, "reading_minutes", lambda name: 19.6)
-    times = outcomes.pd.DataFrame({"notebook": ["small"], "seconds": [31]})
+    times = outcomes.pd.DataFrame({"notebook": ["small", "tiny"], "seconds": [31, 30]})
     monkeypatch.setattr(teaching, "read_kept", lambda name: times)
-    say_times("small")
-    say_times("new")
+    for name in ("small", "tiny", "new"):
+        say_times(name)
     assert said == [
-        "*Reading time: 20 min. Run time: 1 min.*",
-        "*Reading time: 20 min. Run time: not measured.*",
+        f"*Reading time: 20 min. Run time: {run}.*" for run in ("1 min", "0.5 min", "not measured")
     ]
