@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, TypeAlias
 import pandas as pd
 
 from backlash.estimates import GIVEN, Request, request_for
+from backlash.reading import limits
 from backlash.reading.columns import listed
-from backlash.reading.limits import LIMITS
 from backlash.reading.packed import check_size, is_parquet, read_parquet_text
 from backlash.reading.sources import name_of, naming, read_bytes
 from backlash.reading.tables import text_of
@@ -102,13 +102,13 @@ def read_rows(source: TableOfLogs) -> pd.DataFrame:
         raise Refusal(f"no column 'file'; there are {listed(table.columns)}")
     if table.empty or not table.columns.is_unique:
         raise Refusal("no rows" if table.empty else "two of its columns have one name; rename one")
-    if len(table) > LIMITS.most_logs:
-        raise Refusal(f"{len(table):,} logs, more than {LIMITS.most_logs:,}; split the table")
+    if len(table) > limits.MOST_LOGS:
+        raise Refusal(f"{len(table):,} logs, more than {limits.MOST_LOGS:,}; split the table")
     return table
 
 
 def _read_file(name: str) -> pd.DataFrame:
-    content = read_bytes(name, LIMITS.most_list_bytes)
+    content = read_bytes(name, limits.MOST_LIST_BYTES)
     if is_parquet(content):
         return read_parquet_text(content)
     text, _ = text_of(content)

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
+from backlash.reading import limits
 from backlash.reading.columns import numeric_column
-from backlash.reading.limits import LIMITS
 from backlash.reading.samples import Samples
 from backlash.reading.tables import TIME_OF_DAY
 from backlash.reading.units import SECONDS, split_unit
@@ -26,7 +26,7 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
             return _times_of_day(parts, column), "time of day"
     stamps = numeric_column(table, column)
     # Stamps that do not say it are those of a clock since 1970, else seconds.
-    low, high = LIMITS.since_1970_s
+    low, high = limits.SINCE_1970_S
     since_1970 = (unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamps[0] < high)
     unit = given_unit or split_unit(column)[1] or next(since_1970, "s")
     if unit not in SECONDS:
@@ -66,15 +66,15 @@ def sampling_period(samples: Samples) -> float:
     """Mean sampling period [s] but for gaps, where that is short enough."""
     t, ring_hz = samples.t, samples.options.ring_hz
     steps = np.diff(t)
-    dt = float(steps[steps <= LIMITS.longest_step * np.median(steps)].mean())
+    dt = float(steps[steps <= limits.LONGEST_STEP * np.median(steps)].mean())
     rate = 1.0 / max(dt, 1e-300)
-    if rate > LIMITS.most_hz:
+    if rate > limits.MOST_HZ:
         raise Refusal(f"{rate:.3g} samples a second; give --time-unit of the stamps")
     # Of stamps in whole milliseconds a step of 2 ms may be read as 3.
     missing = np.maximum(np.ceil(steps / dt - 1.6), 0)
-    if np.mean(missing > 0) > LIMITS.few_gaps:
+    if np.mean(missing > 0) > limits.FEW_GAPS:
         _refuse_invented(int(missing.sum()), samples)
-    least_hz = LIMITS.least_rate * ring_hz
+    least_hz = limits.LEAST_RATE * ring_hz
     if rate < least_hz and (steps == 1).all():
         raise Refusal("its stamps count the samples, one by one: give --rate, samples a second")
     if rate < least_hz:
@@ -90,12 +90,12 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
     """Refuse samples between whose stamps more than a tenth would have to be invented."""
     t, v = samples.t, samples.v
     share = missing / (missing + t.size)
-    if share <= LIMITS.most_invented:
+    if share <= limits.MOST_INVENTED:
         return
     _, counts = np.unique(v, return_counts=True)
     # Repetitions, if the values came in any order.
     chance_repeats = np.sum((counts / t.size) ** 2) * t.size
-    if chance_repeats > LIMITS.least_values and not (np.diff(v) == 0).any():
+    if chance_repeats > limits.LEAST_VALUES and not (np.diff(v) == 0).any():
         raise Refusal(
             f"its rows stand only where {samples.columns.signal} changed ({missing:,} are missing between, no value "
             "repeats); log at a fixed rate"
@@ -109,7 +109,7 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
 
 def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
     """The parts of some samples between which too many are missing to be filled."""
-    gaps = np.flatnonzero(np.diff(t) > max(LIMITS.longest_step * dt, dt + LIMITS.longest_filled_s))
+    gaps = np.flatnonzero(np.diff(t) > max(limits.LONGEST_STEP * dt, dt + limits.LONGEST_FILLED_S))
     ends = [0, *(gaps + 1).tolist(), t.size]
     return [slice(first, last) for first, last in pairwise(ends)]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from backlash.reading.limits import LIMITS
+from backlash.reading import limits
 from backlash.refusals import Refusal, library
 
 ADVICE = "cut it to the test movement, a minute at most"
@@ -23,17 +23,17 @@ _BEFORE_ROW = re.compile(rb"(?=<(?:\w+:)?row\b)")
 
 def check_size(rows: int, columns: int) -> None:
     """Refuse a table that takes more time and memory than a log is worth."""
-    if columns > LIMITS.most_columns:
+    if columns > limits.MOST_COLUMNS:
         raise Refusal(
-            f"{columns:,} columns, more than {LIMITS.most_columns:,}; export those of time, speed and torque"
+            f"{columns:,} columns, more than {limits.MOST_COLUMNS:,}; export those of time, speed and torque"
         )
     check_cells(rows * columns)
 
 
 def check_cells(cells: int) -> None:
     """Refuse too many cells."""
-    if cells > LIMITS.most_cells:
-        raise Refusal(f"more than {LIMITS.most_cells:,} cells; {ADVICE}, or export fewer columns")
+    if cells > limits.MOST_CELLS:
+        raise Refusal(f"more than {limits.MOST_CELLS:,} cells; {ADVICE}, or export fewer columns")
 
 
 @contextmanager
@@ -87,8 +87,8 @@ def _read_rows(content: bytes, columns: list[str], batch_size: int = 2**16) -> A
             rows += batch.num_rows
             check_size(rows, width)
             size += batch.nbytes
-            if size > LIMITS.most_bytes:
-                raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
+            if size > limits.MOST_BYTES:
+                raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
             batches.append(batch)
         return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
 
@@ -117,15 +117,15 @@ def _check_parts(content: bytes) -> None:
     """
     with zipfile.ZipFile(io.BytesIO(content)) as bundle:
         parts = bundle.infolist()
-        if sum(part.file_size for part in parts) > LIMITS.most_bytes:
-            raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
+        if sum(part.file_size for part in parts) > limits.MOST_BYTES:
+            raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
         others = [p for p in parts if not _SHEET.fullmatch(p.filename)]
         texts = [p for p in others if p.filename.endswith((".xml", ".rels"))]
-        if (extra := sum(p.file_size for p in texts)) > LIMITS.most_style_bytes:
+        if (extra := sum(p.file_size for p in texts)) > limits.MOST_STYLE_BYTES:
             raise Refusal(
                 f"its styles and relations unpack to {extra / 2**20:.0f} MiB; save the log as CSV"
             )
-        if (tags := sum(bundle.read(p).count(b"<") for p in texts)) > LIMITS.most_style_tags:
+        if (tags := sum(bundle.read(p).count(b"<") for p in texts)) > limits.MOST_STYLE_TAGS:
             raise Refusal(f"its styles and relations have {tags:,} entries; save the log as CSV")
         for part in set(parts) - set(others):
             sheet = bundle.read(part)

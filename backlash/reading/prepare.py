@@ -8,9 +8,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from backlash.reading import clock, movement, values
+from backlash.reading import clock, limits, movement, values
 from backlash.reading.columns import Columns, LogOptions, choose_columns, numeric_column
-from backlash.reading.limits import LIMITS
 from backlash.reading.samples import Samples
 from backlash.reading.sources import name_of, read_source
 from backlash.reading.tables import Table
@@ -76,7 +75,7 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
             each = " and ".join(f"{name} (in {count:,} rows)" for name, count in counts.items())
             raise Refusal(f"{each} never stand in one row; export them at the same instants")
         counted = f"samples with {' and '.join(needed)}: {len(table)}"
-        raise Refusal(f"{counted}; a log of {LIMITS.least_turns} load turns is needed")
+        raise Refusal(f"{counted}; a log of {limits.LEAST_TURNS} load turns is needed")
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz
     else:
@@ -179,9 +178,9 @@ def between_gaps(samples: Samples) -> Samples:
         note = f"used what is between two gaps, {samples.when(farthest)}"
         samples = samples.noting(note).at(farthest)
     t = samples.t
-    if t.size < LIMITS.least_samples:
+    if t.size < limits.LEAST_SAMPLES:
         what = (
-            f"{t[-1] - t[0]:.3g} s in {t.size} samples; {LIMITS.least_turns} load turns are needed"
+            f"{t[-1] - t[0]:.3g} s in {t.size} samples; {limits.LEAST_TURNS} load turns are needed"
         )
         raise Refusal(what, Reason.TOO_SHORT)
     return samples
@@ -200,14 +199,14 @@ def differentiate_position(samples: Samples) -> Samples:
 def average_fast(samples: Samples) -> Samples:
     """Means of neighbouring samples of a fast log; of a slow one it is noted what it is good for."""
     t, rate, ring_hz = samples.t, samples.rate_hz, samples.options.ring_hz
-    good_hz = LIMITS.good_rate * ring_hz
+    good_hz = limits.GOOD_RATE * ring_hz
     if rate < good_hz:
         samples = samples.noting(
             f"sampled at {rate:.0f} Hz: below {good_hz:.0f} Hz the peaks of a ring of {ring_hz:g} Hz are read too low"
         )
-    if rate <= LIMITS.fastest_hz:
+    if rate <= limits.FASTEST_HZ:
         return samples
-    together = int(rate // (LIMITS.fastest_hz / 2))
+    together = int(rate // (limits.FASTEST_HZ / 2))
     whole = t.size // together * together
     blocks = np.vstack([t, samples.signals])[:, :whole].reshape(-1, whole // together, together)
     means = blocks.mean(axis=2)

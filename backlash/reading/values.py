@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from backlash.reading.limits import LIMITS
+from backlash.reading import limits
 from backlash.reading.movement import usual_speed
 from backlash.reading.samples import Samples, runs_of
 from backlash.refusals import Reason, Refusal
@@ -20,7 +20,7 @@ def finest_step(signal: FloatArray) -> float:
     """
     steps = np.abs(np.diff(signal))
     steps = steps[steps > 1e-9 * np.ptp(signal)]
-    return float(np.quantile(steps, LIMITS.rare)) if steps.size else 0.0
+    return float(np.quantile(steps, limits.RARE)) if steps.size else 0.0
 
 
 def refuse_zeros_between(samples: Samples) -> Samples:
@@ -28,9 +28,9 @@ def refuse_zeros_between(samples: Samples) -> Samples:
     signal = samples.v
     starts, lengths, values = runs_of(signal)
     is_far = np.abs(values) > 0.5 * np.median(np.abs(signal[signal != 0]))
-    is_zero = (values == 0) & (lengths < LIMITS.least_frozen)
+    is_zero = (values == 0) & (lengths < limits.LEAST_FROZEN)
     zeros = starts[1:-1][is_zero[1:-1] & is_far[:-2] & is_far[2:]]
-    if zeros.size > LIMITS.most_single * signal.size:
+    if zeros.size > limits.MOST_SINGLE * signal.size:
         raise Refusal(
             f"{samples.columns.signal} is 0 at {zeros.size:,} places between rows that are not; leave out the rows "
             "without a measurement",
@@ -42,15 +42,15 @@ def refuse_zeros_between(samples: Samples) -> Samples:
 def _single_strays(away: FloatArray, limit: float) -> NDArray[np.int64]:
     """Samples that are too far away from their neighbours; none if they are too many to be single ones."""
     strays = np.flatnonzero(away > limit)
-    return strays if strays.size <= LIMITS.most_single * away.size else strays[:0]
+    return strays if strays.size <= limits.MOST_SINGLE * away.size else strays[:0]
 
 
 def mark_strays(samples: Samples) -> Samples:
     """Suspect single samples of the torque that stand out of all others."""
     for torque in samples.signals[1:]:
         away = np.abs(torque - median_filter(torque, 5, mode="nearest"))
-        reach = LIMITS.stray * np.ptp(np.quantile(torque, (0.01, 0.99)))
-        strays = _single_strays(away, max(reach, LIMITS.stray_deviations * np.median(away)))
+        reach = limits.STRAY * np.ptp(np.quantile(torque, (0.01, 0.99)))
+        strays = _single_strays(away, max(reach, limits.STRAY_DEVIATIONS * np.median(away)))
         if strays.size:
             what = (
                 f"{strays.size} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
@@ -67,11 +67,11 @@ def mark_frozen(samples: Samples) -> Samples:
         # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
         by_length = np.sort(lengths)
         beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
-        apart = lengths[(lengths >= LIMITS.least_frozen) & (beneath < LIMITS.least_beneath)]
+        apart = lengths[(lengths >= limits.LEAST_FROZEN) & (beneath < limits.LEAST_BENEATH)]
         # A coarse signal that turns slowly goes on by one step.
         jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
         leap = np.maximum(jumps[:-1], jumps[1:])
-        is_leap = leap >= LIMITS.least_leap * finest_step(signal)
+        is_leap = leap >= limits.LEAST_LEAP * finest_step(signal)
         # At a limit a signal is clipped, unless it gets there at once.
         at_end = (values == values.max()) | (values == values.min())
         is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
@@ -91,15 +91,15 @@ def mark_clipped(samples: Samples) -> Samples:
     """Suspect a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
     for name, signal in samples.named_signals():
         levels, counts = np.unique(signal, return_counts=True)
-        if levels.size < LIMITS.least_values or name == "position":
+        if levels.size < limits.LEAST_VALUES or name == "position":
             continue
         for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
             at = signal == levels[end]
             if name == "speed":  # a motor at rest has one
                 at &= np.abs(signal) > 0.05 * np.abs(levels).max()
             held = at[2:] & at[1:-1] & at[:-2]
-            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
-            if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
+            is_piled = counts[end] > limits.LEAST_PILED * counts[inner].max()
+            if is_piled and held.sum() > limits.MOST_CLIPPED * signal.size:
                 what = (
                     f"the {name} is clipped at {levels[end]:.6g} in {at.sum()} samples; "
                     "log it with a wider range, or move slower"
@@ -119,11 +119,11 @@ def keep_new_values(samples: Samples) -> Samples:
     steps = np.diff(thinned.t) / np.median(np.diff(thinned.t))
     rate = thinned.rate_hz
     note = f"the {name} stands for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
-    if np.mean(np.abs(steps - 1) > 0.5) > LIMITS.most_invented:
+    if np.mean(np.abs(steps - 1) > 0.5) > limits.MOST_INVENTED:
         raise Refusal(
             f"{note}, at uneven instants; log each value when it is new, or at a fixed rate"
         )
-    least_hz = LIMITS.good_rate * samples.options.ring_hz
+    least_hz = limits.GOOD_RATE * samples.options.ring_hz
     if rate < least_hz:
         what = f"{note}, {least_hz:.0f} are needed; log each value when it is new"
         raise Refusal(what, Reason.TOO_SLOWLY_SAMPLED)
@@ -133,16 +133,16 @@ def keep_new_values(samples: Samples) -> Samples:
 def _is_not_held(signal: FloatArray) -> Mask:
     """Samples that do not repeat the one before, if that is no matter of coarse steps."""
     _, lengths, values = runs_of(signal)
-    usual = lengths[lengths < LIMITS.longest_hold]
-    if usual.size < LIMITS.least_samples or values.size < 2:
+    usual = lengths[lengths < limits.LONGEST_HOLD]
+    if usual.size < limits.LEAST_SAMPLES or values.size < 2:
         return np.ones(signal.size, dtype=bool)
     # A coarse signal stands where it turns slowly, and goes there by one step.
     steps = np.abs(np.diff(values))[lengths[1:] > 1]
-    is_coarse = np.sum(steps < LIMITS.least_leap * finest_step(signal)) > 0.5 * steps.size
+    is_coarse = np.sum(steps < limits.LEAST_LEAP * finest_step(signal)) > 0.5 * steps.size
     # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
     commonest = np.bincount(usual).argmax()
-    is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
-    is_held = np.mean(usual > 1) > LIMITS.least_held and (is_regular or not is_coarse)
+    is_regular = commonest > 1 and np.mean(usual % commonest == 0) > limits.MOST_REGULAR
+    is_held = np.mean(usual > 1) > limits.LEAST_HELD and (is_regular or not is_coarse)
     return (np.diff(signal, prepend=np.nan) != 0) | (not is_held)
 
 
@@ -150,7 +150,7 @@ def refuse_speed_spikes(samples: Samples) -> Samples:
     """Refuse single samples of the speed that no motor could follow."""
     v, t = samples.v, samples.t
     usual = median_filter(v, 5, mode="nearest")
-    limit = LIMITS.spike * usual_speed(v, samples.options.expected_speed_rps)
+    limit = limits.SPIKE * usual_speed(v, samples.options.expected_speed_rps)
     strays = _single_strays(np.abs(v - usual), limit)
     if strays.size:
         k = strays[0]
