@@ -1,6 +1,6 @@
 """When samples were taken: time stamps as seconds, and the even grid behind them."""
 
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -75,13 +75,11 @@ def sampling_period(samples: Samples) -> float:
     if np.mean(missing > 0) > limits.FEW_GAPS:
         _refuse_invented(int(missing.sum()), samples)
     least_hz = limits.LEAST_RATE * ring_hz
-    if rate < least_hz and (steps == 1).all():
-        raise Refusal("its stamps count the samples, one by one: give --rate, samples a second")
     if rate < least_hz:
-        cure = "--ring gives the joint's own; are the time stamps in s? if not, give --time-unit"
         raise Refusal(
-            f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least"
-            f" ({cure})"
+            f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least "
+            "(--ring gives the joint's own; are the time stamps in s? if not, give --time-unit; if they count samples, "
+            "--rate)"
         )
     return dt
 
@@ -107,13 +105,6 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
     )
 
 
-def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
-    """The parts of some samples between which too many are missing to be filled."""
-    gaps = np.flatnonzero(np.diff(t) > max(limits.LONGEST_STEP * dt, dt + limits.LONGEST_FILLED_S))
-    ends = [0, *(gaps + 1).tolist(), t.size]
-    return [slice(first, last) for first, last in pairwise(ends)]
-
-
 def _even_clock(t: FloatArray, dt: float) -> tuple[FloatArray, float, float]:
     """Numbers of samples on the grid that they were taken on, its period and its start [s].
 
@@ -126,12 +117,13 @@ def _even_clock(t: FloatArray, dt: float) -> tuple[FloatArray, float, float]:
     return min(clocks, key=lambda clock: np.std(t - clock[1] * clock[0]) / clock[1])
 
 
-def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
+def _follows_stamps(k: FloatArray, v: FloatArray, stray: FloatArray) -> bool:
     """Whether samples tell that they were taken at the stamps, which stray from an even grid by shares of its period.
 
     Their deviations from the neighbours' course then are its slope times the stray, else they have
     nothing in common.
     """
+    v, stray = (np.interp(np.arange(k[-1] + 1), k, each) for each in (v, stray))
     curve = np.convolve(v, np.array([1, -4, 6, -4, 1]) / 6, mode="valid")
     slope = np.convolve(v, np.array([2, 1, 0, -1, -2]) / 10, mode="valid")
     moved = slope * stray[2:-2]
@@ -144,30 +136,26 @@ def place_on_grid(samples: Samples) -> Samples:
     What strays by more than a period is a clock's drift, and followed; what is fast is if the signal
     follows it.
     """
-    t = samples.t
+    t, signals = samples.t, samples.signals
     k, dt, start = _even_clock(t, sampling_period(samples))
     holes = int(k[-1]) + 1 - k.size
     _refuse_invented(holes, samples)
-    places = k.copy()
-    stray = (t - start) / dt - k
+    places, stray = k, (t - start) / dt - k
     nominal = float(f"{1 / dt:.3g}")
     if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:
         dt = 1 / nominal
     most = float(np.abs(stray).max())
     if most > 0.01:
         how = "taken as even"
-        all_k = np.arange(k[-1] + 1)
-        all_v, all_stray = (np.interp(all_k, k, each) for each in (samples.v, stray))
-        if most > 1 or _follows_stamps(all_v, all_stray):
+        if most > 1 or _follows_stamps(k, samples.v, stray):
             how = "resampled"
-            places += stray
+            places = k + stray
         off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
         samples = samples.noting(f"{off}: {how}")
     if holes:
         samples = samples.noting(f"missing samples filled from their neighbours: {holes}")
     # Within half a sample of the data: far beyond them a spline is anything.
     even = np.arange(np.rint(places[0]), np.rint(places[-1]) + 1)
-    signals = samples.signals
     if not np.array_equal(places, even):
         signals = CubicSpline(places, signals, axis=1)(even)
-    return samples.moved(start + dt * even, signals)
+    return replace(samples, t=start + dt * even, signals=signals)

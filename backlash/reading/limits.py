@@ -5,12 +5,10 @@ What is refused, left out, filled or averaged on the way from stamps to a record
 
 # Files.
 MOST_BYTES = 64 * 2**20  # of a log, packed or not
-MOST_STYLE_BYTES = 2 * 2**20  # of a workbook's parts but its sheets and texts
-MOST_STYLE_TAGS = 100_000  # of these parts: some seconds
+MOST_STYLE_TAGS = 100_000  # of a workbook's parts but its sheets and texts: some seconds
 MOST_CELLS = 8_000_000  # of a table: an hour at 500 Hz of four columns
 MOST_COLUMNS = 4096
-MOST_LIST_BYTES = 16 * 2**20  # of a table of logs
-MOST_LOGS = 100_000  # of such a table: the parent holds 3 kB for each
+MOST_LOGS = 100_000  # of a table of logs: the parent holds 3 kB for each
 
 # Time stamps.
 MOST_HZ = 1e6  # no logger samples faster; the stamps have another unit

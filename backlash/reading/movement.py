@@ -22,7 +22,7 @@ def keep_constant_speed(samples: Samples) -> Samples:
     level = usual_speed(smooth, options.expected_speed_rps)
     if level <= np.std(v - smooth):
         raise Refusal("the motor stands still, or turns both ways", Reason.NOT_CONSTANT_SPEED)
-    longest_s = dt * runs_of(np.sign(smooth)).lengths.max()
+    longest_s = dt * runs_of(np.sign(smooth))[1].max()
     if is_to_and_fro(smooth) and longest_s < limits.LEAST_TURNS * options.period_s(level):
         if samples.torque is None:
             raise Refusal(

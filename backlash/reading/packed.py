@@ -15,8 +15,6 @@ from backlash.reading import limits
 from backlash.refusals import Refusal, library
 
 ADVICE = "cut it to the test movement, a minute at most"
-# Parquet columns that may hold a signal; text and nested ones may unpack to anything.
-_NUMERIC = ("int", "uint", "float", "double", "halffloat", "time", "duration", "decimal")
 _SHEET = re.compile(r"(.*/)?(worksheets/[^/]+|sharedStrings)\.xml", re.IGNORECASE)
 _BEFORE_ROW = re.compile(rb"(?=<(?:\w+:)?row\b)")
 
@@ -51,46 +49,27 @@ def _unpacking() -> Iterator[None]:
 
 
 def read_parquet(content: bytes) -> pd.DataFrame:
-    """Read the numbers of a Parquet file; its other columns hold the name of their type."""
-    with _unpacking():
-        schema = _schema_of(content)
-        if len({*schema.names}) < len(schema.names):
-            raise Refusal("several of its columns have one name; rename them")
-        types = {field.name: str(field.type) for field in schema}
-        table = _read_rows(content, [name for name in types if types[name].startswith(_NUMERIC)])
-        frame = table.to_pandas(ignore_metadata=True)
-        others = {name: types[name] for name in types if name not in frame}
-        frame = frame.assign(**others)[schema.names]
-    frame.index = frame.index + 1
-    return frame
+    """Read a Parquet table, of whose texts a few bytes may repeat a long one, some rows at a time.
 
-
-def read_parquet_text(content: bytes) -> pd.DataFrame:
-    """Read all of a small Parquet file, of whose texts a few bytes may repeat a long one, some rows at a time."""
-    with _unpacking():
-        return _read_rows(content, _schema_of(content).names, batch_size=64).to_pandas()
-
-
-def _schema_of(content: bytes) -> Any:
-    parquet = library("pyarrow.parquet", "parquet")
-    return parquet.read_schema(io.BytesIO(content))
-
-
-def _read_rows(content: bytes, columns: list[str], batch_size: int = 2**16) -> Any:
-    """Read some columns of a Parquet table, row by row: its footer may say that there are fewer than there are."""
+    Its footer may say that there are fewer rows than there are.
+    """
     parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
-    batches, rows, size = [], 0, 0
-    with parquet.ParquetFile(io.BytesIO(content)) as file:
+    batches = []
+    rows = size = 0
+    with _unpacking(), parquet.ParquetFile(io.BytesIO(content)) as file:
         width = max(len(file.schema_arrow), 1)
         check_size(file.metadata.num_rows, width)
-        for batch in file.iter_batches(batch_size, columns=columns, use_threads=False):
+        for batch in file.iter_batches(64):
             rows += batch.num_rows
             check_size(rows, width)
             size += batch.nbytes
             if size > limits.MOST_BYTES:
                 raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
             batches.append(batch)
-        return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
+        table = pyarrow.Table.from_batches(batches, file.schema_arrow)
+        frame = table.to_pandas(ignore_metadata=True)
+    frame.index += 1
+    return frame
 
 
 def is_parquet(content: bytes) -> bool:
@@ -116,23 +95,19 @@ def _check_parts(content: bytes) -> None:
     Styles and relations become objects a hundred times as large, sheets and texts are read one by one.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as bundle:
-        parts = bundle.infolist()
-        if sum(part.file_size for part in parts) > limits.MOST_BYTES:
+        if sum(part.file_size for part in bundle.infolist()) > limits.MOST_BYTES:
             raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
-        others = [p for p in parts if not _SHEET.fullmatch(p.filename)]
-        texts = [p for p in others if p.filename.endswith((".xml", ".rels"))]
-        if (extra := sum(p.file_size for p in texts)) > limits.MOST_STYLE_BYTES:
-            raise Refusal(
-                f"its styles and relations unpack to {extra / 2**20:.0f} MiB; save the log as CSV"
-            )
-        if (tags := sum(bundle.read(p).count(b"<") for p in texts)) > limits.MOST_STYLE_TAGS:
+        tags = 0
+        for name in bundle.namelist():
+            part = bundle.read(name)
+            if _SHEET.fullmatch(name):
+                for row in _BEFORE_ROW.split(part)[1:]:
+                    # A cell has four signs, a hostile one a single one.
+                    check_size(1, row.count(b"<") // 8)
+            elif name.endswith((".xml", ".rels")):
+                tags += part.count(b"<")
+        if tags > limits.MOST_STYLE_TAGS:
             raise Refusal(f"its styles and relations have {tags:,} entries; save the log as CSV")
-        for part in set(parts) - set(others):
-            sheet = bundle.read(part)
-            # A cell has four signs, a hostile one a single one.
-            check_cells(sheet.count(b"<") // 4)
-            for row in _BEFORE_ROW.split(sheet)[1:]:
-                check_size(1, row.count(b"<") // 8)
 
 
 def _sheet_text(book: Any) -> tuple[str, str]:

@@ -32,7 +32,7 @@ def open_log(
 ) -> Log:
     """Read and prepare a log; see `read_source`."""
     table = read_source(source, options, v, torque)
-    samples = Samples(np.empty(0), np.empty((0, 0)), pd.RangeIndex(0), options, Columns())
+    samples = Samples(np.empty(0), np.empty(0), pd.Index([]), options, Columns())
     try:
         samples = replace(samples, columns=choose_columns(table, options))
         samples = take_samples(table.frame, samples)
@@ -70,12 +70,11 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
     is_whole = frame[needed].notna().all(axis=1)
     table = frame[is_whole]
     if len(table) < 3:
-        counts = frame[names].count()
-        if columns.torque and counts.min() >= 3:
-            each = " and ".join(f"{name} (in {count:,} rows)" for name, count in counts.items())
-            raise Refusal(f"{each} never stand in one row; export them at the same instants")
-        counted = f"samples with {' and '.join(needed)}: {len(table)}"
-        raise Refusal(f"{counted}; a log of {limits.LEAST_TURNS} load turns is needed")
+        counts = [f"{name} (in {frame[name].count():,} rows)" for name in needed]
+        raise Refusal(
+            f"{' and '.join(counts)} stand in {len(table)} rows together; a log of {limits.LEAST_TURNS} load turns is "
+            "needed, with all of them at the same instants"
+        )
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz
     else:
@@ -169,12 +168,14 @@ def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
 
 
 def between_gaps(samples: Samples) -> Samples:
-    """Keep the part between two gaps in which the motor goes farthest."""
+    """Keep the part between two gaps, of more than can be filled, in which the motor goes farthest."""
     dt = clock.sampling_period(samples)
-    course = samples.v if samples.columns.is_position else np.cumsum(samples.v)
-    parts = clock.parts_without_gaps(samples.t, dt)
-    farthest = max(parts, key=lambda part: np.ptp(course[part]))
-    if farthest != slice(0, samples.t.size):
+    longest = max(limits.LONGEST_STEP * dt, dt + limits.LONGEST_FILLED_S)
+    gaps = np.flatnonzero(np.diff(samples.t) > longest)
+    if gaps.size:
+        course = samples.v if samples.columns.is_position else np.cumsum(samples.v)
+        parts = np.split(np.arange(course.size), gaps + 1)
+        farthest = max(parts, key=lambda part: np.ptp(course[part]))
         note = f"used what is between two gaps, {samples.when(farthest)}"
         samples = samples.noting(note).at(farthest)
     t = samples.t
@@ -193,12 +194,12 @@ def differentiate_position(samples: Samples) -> Samples:
     t, (turns, *torque) = samples.t, samples.signals
     integrals = [CubicSpline(t, each).antiderivative()(t) for each in torque]
     means = np.diff([turns, *integrals]) / np.diff(t)
-    return samples.moved(t[1:], np.vstack([means, *samples.signals[1:, 1:]]))
+    return replace(samples, t=t[1:], signals=np.vstack([means, *samples.signals[1:, 1:]]))
 
 
 def average_fast(samples: Samples) -> Samples:
     """Means of neighbouring samples of a fast log; of a slow one it is noted what it is good for."""
-    t, rate, ring_hz = samples.t, samples.rate_hz, samples.options.ring_hz
+    rate, ring_hz = samples.rate_hz, samples.options.ring_hz
     good_hz = limits.GOOD_RATE * ring_hz
     if rate < good_hz:
         samples = samples.noting(
@@ -207,11 +208,11 @@ def average_fast(samples: Samples) -> Samples:
     if rate <= limits.FASTEST_HZ:
         return samples
     together = int(rate // (limits.FASTEST_HZ / 2))
-    whole = t.size // together * together
-    blocks = np.vstack([t, samples.signals])[:, :whole].reshape(-1, whole // together, together)
-    means = blocks.mean(axis=2)
+    whole = samples.t.size // together * together
+    both = np.vstack([samples.t, samples.signals])[:, :whole]
+    means = both.reshape(len(both), -1, together).mean(axis=2)
     note = f"sampled at {rate:.6g} Hz: averaged over {together} samples each"
-    return samples.noting(note).moved(means[0], means[1:])
+    return replace(samples.noting(note), t=means[0], signals=means[1:])
 
 
 # In this order; each takes the samples and hands them on, or refuses them.

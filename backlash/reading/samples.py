@@ -13,18 +13,10 @@ from backlash.refusals import Refusal
 from replication.signature import FloatArray
 
 
-class Runs(NamedTuple):
-    """Runs of equal values: their first indices, lengths and values."""
-
-    starts: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    values: FloatArray
-
-
-def runs_of(signal: FloatArray) -> Runs:
-    """Find the runs of equal values."""
+def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """First indices, lengths and values of the runs of equal values."""
     starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
-    return Runs(starts, np.diff(starts, append=signal.size), signal[starts])
+    return starts, np.diff(starts, append=signal.size), signal[starts]
 
 
 class Suspect(NamedTuple):
@@ -41,7 +33,7 @@ class Samples:
 
     t: FloatArray
     signals: FloatArray  # shape (signals, samples)
-    rows: pd.Index  # of the file; none where samples are no longer those of rows
+    rows: pd.Index  # of the file, until samples are put on a grid
     options: LogOptions
     columns: Columns
     notes: tuple[str, ...] = ()
@@ -86,10 +78,6 @@ class Samples:
         """A part of the samples."""
         signals = self.signals[:, chosen]
         return replace(self, t=self.t[chosen], signals=signals, rows=self.rows[chosen])
-
-    def moved(self, t: FloatArray, signals: FloatArray) -> Self:
-        """Other samples of the same log, which are those of no row."""
-        return replace(self, t=t, signals=signals, rows=self.rows[:0])
 
     def when(self, chosen: slice) -> str:
         """From when to when a part lasts, in words."""

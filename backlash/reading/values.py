@@ -11,6 +11,7 @@ from backlash.refusals import Reason, Refusal
 from replication.signature import FloatArray
 
 Mask = NDArray[np.bool_]
+_NEARLY_ALL = (0.01, 0.99)  # quantiles of a signal, beyond which single values may be any
 
 
 def finest_step(signal: FloatArray) -> float:
@@ -39,23 +40,26 @@ def refuse_zeros_between(samples: Samples) -> Samples:
     return samples
 
 
-def _single_strays(away: FloatArray, limit: float) -> NDArray[np.int64]:
-    """Samples that are too far away from their neighbours; none if they are too many to be single ones."""
-    strays = np.flatnonzero(away > limit)
-    return strays if strays.size <= limits.MOST_SINGLE * away.size else strays[:0]
+def _find_strays(name: str, signal: FloatArray, limit: float) -> tuple[NDArray[np.int64], str]:
+    """Single samples that are too far from their neighbours, none if they are too many to be single ones; in words."""
+    usual = median_filter(signal, 5, mode="nearest")
+    away = np.abs(signal - usual)
+    strays = np.flatnonzero(away > max(limit, limits.STRAY_DEVIATIONS * np.median(away)))
+    if not 0 < strays.size <= limits.MOST_SINGLE * signal.size:
+        return strays[:0], ""
+    first, beside = signal[strays[0]], usual[strays[0]]
+    return strays, (
+        f"{strays.size} single samples of the {name} stray, the first is {first:.4g} beside {beside:.4g}"
+    )
 
 
 def mark_strays(samples: Samples) -> Samples:
     """Suspect single samples of the torque that stand out of all others."""
     for torque in samples.signals[1:]:
-        away = np.abs(torque - median_filter(torque, 5, mode="nearest"))
-        reach = limits.STRAY * np.ptp(np.quantile(torque, (0.01, 0.99)))
-        strays = _single_strays(away, max(reach, limits.STRAY_DEVIATIONS * np.median(away)))
-        if strays.size:
-            what = (
-                f"{strays.size} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
-                f"{torque[max(strays[0] - 1, 0)]:.4g}; mend them, or leave their cells empty"
-            )
+        reach = np.ptp(np.quantile(torque, _NEARLY_ALL))
+        strays, words = _find_strays("torque", torque, limits.STRAY * reach)
+        if words:
+            what = f"{words}; mend them, or leave their cells empty"
             samples = samples.suspecting("torque", strays, what)
     return samples
 
@@ -74,7 +78,7 @@ def mark_frozen(samples: Samples) -> Samples:
         is_leap = leap >= limits.LEAST_LEAP * finest_step(signal)
         # At a limit a signal is clipped, unless it gets there at once.
         at_end = (values == values.max()) | (values == values.min())
-        is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
+        is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, _NEARLY_ALL)))
         if name == "speed":  # a motor at rest has one
             is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
         is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
@@ -90,18 +94,18 @@ def mark_frozen(samples: Samples) -> Samples:
 def mark_clipped(samples: Samples) -> Samples:
     """Suspect a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
     for name, signal in samples.named_signals():
-        levels, counts = np.unique(signal, return_counts=True)
-        if levels.size < limits.LEAST_VALUES or name == "position":
-            continue
-        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
-            at = signal == levels[end]
+        for way in (1, -1):
+            levels, counts = np.unique(way * signal, return_counts=True)
+            if levels.size < limits.LEAST_VALUES or name == "position":
+                break
+            at = way * signal == levels[-1]
             if name == "speed":  # a motor at rest has one
                 at &= np.abs(signal) > 0.05 * np.abs(levels).max()
-            held = at[2:] & at[1:-1] & at[:-2]
-            is_piled = counts[end] > limits.LEAST_PILED * counts[inner].max()
-            if is_piled and held.sum() > limits.MOST_CLIPPED * signal.size:
+            is_held = at[2:] & at[1:-1] & at[:-2]
+            is_piled = counts[-1] > limits.LEAST_PILED * counts[-4:-1].max()
+            if is_piled and is_held.sum() > limits.MOST_CLIPPED * signal.size:
                 what = (
-                    f"the {name} is clipped at {levels[end]:.6g} in {at.sum()} samples; "
+                    f"the {name} is clipped at {way * levels[-1]:.6g} in {at.sum()} samples; "
                     "log it with a wider range, or move slower"
                 )
                 samples = samples.suspecting(name, np.flatnonzero(at), what)
@@ -148,16 +152,12 @@ def _is_not_held(signal: FloatArray) -> Mask:
 
 def refuse_speed_spikes(samples: Samples) -> Samples:
     """Refuse single samples of the speed that no motor could follow."""
-    v, t = samples.v, samples.t
-    usual = median_filter(v, 5, mode="nearest")
-    limit = limits.SPIKE * usual_speed(v, samples.options.expected_speed_rps)
-    strays = _single_strays(np.abs(v - usual), limit)
-    if strays.size:
-        k = strays[0]
-        cure = "mend or cut the log; of a speed differentiated by uneven stamps log the position"
+    level = usual_speed(samples.v, samples.options.expected_speed_rps)
+    strays, words = _find_strays("speed", samples.v, limits.SPIKE * level)
+    if words:
         raise Refusal(
-            f"{strays.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
-            f"{t[k]:.6g} s after the first; {cure}"
+            f"{words} rps, {samples.t[strays[0]]:.6g} s after the first; mend or cut the log; of a speed "
+            "differentiated by uneven stamps log the position"
         )
     return samples
 
