@@ -54,10 +54,9 @@ def refuse_backward(t: FloatArray, rows: pd.Index) -> None:
     wrong = np.flatnonzero(np.diff(t) < 0)
     if wrong.size:
         k = wrong[0] + 1
-        where = f"{t[k]:.6g} s follow {t[k - 1]:.6g} s after the first"
         raise Refusal(
-            f"its time stamps start anew or run backward ({where}; {wrong.size} such rows); "
-            "keep one run, sorted by time",
+            f"its time stamps start anew or run backward ({t[k]:.6g} s follow {t[k - 1]:.6g} s after the first; "
+            f"{wrong.size} such rows); keep one run, sorted by time",
             row=rows[k],
         )
 
@@ -68,18 +67,16 @@ def sampling_period(samples: Samples) -> float:
     steps = np.diff(t)
     dt = float(steps[steps <= limits.LONGEST_STEP * np.median(steps)].mean())
     rate = 1.0 / max(dt, 1e-300)
-    if rate > limits.MOST_HZ:
-        raise Refusal(f"{rate:.3g} samples a second; give --time-unit of the stamps")
     # Of stamps in whole milliseconds a step of 2 ms may be read as 3.
     missing = np.maximum(np.ceil(steps / dt - 1.6), 0)
     if np.mean(missing > 0) > limits.FEW_GAPS:
         _refuse_invented(int(missing.sum()), samples)
     least_hz = limits.LEAST_RATE * ring_hz
-    if rate < least_hz:
+    if not least_hz <= rate <= limits.MOST_HZ:
         raise Refusal(
-            f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least "
-            "(--ring gives the joint's own; are the time stamps in s? if not, give --time-unit; if they count samples, "
-            "--rate)"
+            f"sampled at {rate:.3g} Hz by its time stamps; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} "
+            "Hz at least (--ring gives the joint's own); are the stamps in s? if not, give --time-unit; if they count "
+            "samples, --rate"
         )
     return dt
 

@@ -102,7 +102,8 @@ def _check_speed(level: float, options: LogOptions) -> None:
             "then give --unit, else --commanded-speed"
         )
     if expected is not None and abs(level / expected - 1) > limits.TOLERANCE:
-        source = "commanded" if options.commanded_speed_rps else "by gear ratio and turn"
+        is_by_turn = options.gear_ratio and options.turn_period_s
+        source = "by gear ratio and turn" if is_by_turn else "commanded"
         raise Refusal(
             f"the log keeps {level:.4g} rps longest, not {expected:.4g} rps, {source}; "
             "is --unit right?",
@@ -137,12 +138,5 @@ def make_recording(samples: Samples) -> Recording:
         raise Refusal(
             f"at {mean:.3g} rps the motor makes {mean * period:.2g} turns in a load turn of {period:.4g} s; is the "
             "unit or the turn another one?"
-        )
-    ratio = options.gear_ratio
-    if options.turn_period_s and ratio and abs(ratio / mean / period - 1) > limits.TOLERANCE:
-        raise Refusal(
-            f"gear ratio {ratio:g} at {mean:.5g} rps makes turns of {ratio / mean:.4g} s, "
-            f"not the {period:g} s given",
-            Reason.WRONG_PERIOD,
         )
     return Recording(t - t[0], v, mean, period, "log")

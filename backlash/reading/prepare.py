@@ -146,21 +146,23 @@ def unwrap_position(samples: Samples) -> Samples:
 def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
     """Turns after which a position starts anew; 0 if it does not."""
     span = float(np.ptp(turns))
-    rounds = [1.0]
-    if counts_per_turn:
-        rounds += [*(2.0 ** np.arange(8, 33) / counts_per_turn)]
-    # A saw: steps of one direction, and some back over nearly all of the span.
     steps = np.diff(turns)
     usual = float(np.median(steps))
+    # A saw: steps of one direction, and some back over nearly all of the span.
     is_back = (np.abs(steps) > 0.9 * span) & (np.sign(steps) == -np.sign(usual))
-    if not is_back.any() or (steps * np.sign(usual) > 0.5 * span).any():
-        return min((m for m in rounds if 0.5 * m < span <= m * (1 + 1e-9)), default=0.0)
-    size = float(np.median(np.abs(steps[is_back]))) + abs(usual)
+    is_saw = is_back.any() and not (steps * np.sign(usual) > 0.5 * span).any()
+    rounds, most = [1.0], 2 * span
     if counts_per_turn:
-        rounds += [*(10.0 ** np.arange(2, 10) / counts_per_turn)]
-    best = min(*rounds, np.rint(size), key=lambda modulus: abs(modulus - size))
-    if best * (1 + 1e-9) >= span and abs(best - size) <= 2 * abs(usual):
-        return best
+        rounds += [*(2.0 ** np.arange(8, 33) / counts_per_turn)]
+    if is_saw:
+        size = float(np.median(np.abs(steps[is_back]))) + abs(usual)
+        rounds.append(np.rint(size))
+        most = size + 2 * abs(usual)
+        if counts_per_turn:
+            rounds += [*(10.0 ** np.arange(2, 10) / counts_per_turn)]
+    modulus = min((m for m in rounds if span <= m * (1 + 1e-9) and m < most), default=0.0)
+    if modulus or not is_saw:
+        return modulus
     raise Refusal(
         f"the position starts anew every {size:.5g} turns, which are no whole ones; give --counts-per-turn of the "
         "encoder, or --unit"
