@@ -77,7 +77,7 @@ def test_of_a_file_that_a_table_names_its_kind_is_told_and_not_its_content(tmp_p
     write(noisy(), tmp_path / "log.csv")
     table = file(tmp_path, "file,speed\nshadow,\nlog.csv,vel\n", "plant.csv")
     [of_secret, of_log] = backlash.estimate_many(table, **HOW, jobs=1)["explanation"]
-    assert "no rows with two numbers; its last line is '...'; export it again" in of_secret
+    assert "in its first 65536 characters; its last line is '...'; export it again" in of_secret
     assert "no column 'vel'; there are '...', '...'" in of_log
     [own] = backlash.estimate_many([str(secret)], **HOW, jobs=1)["explanation"]
     assert "secret's" in own

@@ -1,16 +1,14 @@
 """Which columns are read, in which units: the motor's measured ones, by name; what may be several things is asked."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from backlash.reading.columns import Columns, choose_columns
-from backlash.reading.prepare import open_log
 from backlash.reading.tables import Table
-from tests.logs import TURN, V, file, opened, refusal, refused_for, text
+from tests.logs import V, asked, file, frame, read, refusal, refused_for, text
 
 PER_TURN = {"rps": 1.0, "rpm": 60.0, "rad/s": 2 * np.pi, "deg/s": 360.0}
 SPELLINGS = {
@@ -72,6 +70,7 @@ REFUSED = [
     ),
     (["speed [rps]"], {"speed": "x"}, "no column 'x'; there are 'time', 'speed [rps]'"),
     (["speed [rps]"], {"speed": "9"}, "no column '9'"),
+    (["speed"], {"unit": "mph"}, "the unit 'mph' of 'speed' is not known; give --unit (a speed's:"),
     (["speed [rps]"], {"speed": "1"}, "signal 'time' and torque '' cannot be one column"),
     (["speed [rps]"], {"unit": "rpm"}, "says rps, --unit says rpm; leave --unit out"),
     (["speed [counts/s]"], {}, "give --counts-per-turn"),
@@ -85,14 +84,14 @@ REFUSED = [
 
 def choose(names, given) -> Columns:
     table = pd.DataFrame({name: [k, k + 1.0] for k, name in enumerate(["time", *names])})
-    return choose_columns(Table(table), replace(TURN, **given))
+    return choose_columns(Table(table), asked(**given))
 
 
 @pytest.mark.parametrize(
     ("unit", "name"), [(u, name) for u, names in SPELLINGS.items() for name in names]
 )
 def test_a_column_is_read_in_the_unit_of_its_name_and_both_are_in_the_answer(unit, name):
-    log = opened(PER_TURN[unit] * V, name=name)
+    log = read(frame(PER_TURN[unit] * V, name=name))
     np.testing.assert_allclose(log.recording.v, V)
     assert str(log.columns) == f"time 'time' [s], speed {name!r} [{unit}], the motor's side"
 
@@ -111,15 +110,15 @@ def test_columns_that_cannot_be_or_may_be_two_are_asked_about(names, given, why)
 def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     header = "time,comment,state,speed [rps],,moment,speed [rps]"
     path = file(tmp_path, text(header, "{t:.4f},,on,{v:.5f},,{rpm:.3f},7"))
-    log = open_log(path, replace(TURN, speed="4", torque="6"))
+    log = read(path, speed="4", torque="6")
     np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
     assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in str(log.columns)
-    assert "'5' is empty in all 2,401 rows" in refusal(path, replace(TURN, speed="5", unit="rps"))
+    assert "'5' is empty in all 2,401 rows" in refusal(path, speed="5", unit="rps")
 
 
 @pytest.mark.parametrize("name", TIMES)
 def test_a_time_is_told_by_its_name_or_its_unit(name):
     chosen = choose_columns(
-        Table(pd.DataFrame({"speed [rps]": [1.0, 2.0], name: [0.0, 1.0]})), TURN
+        Table(pd.DataFrame({"speed [rps]": [1.0, 2.0], name: [0.0, 1.0]})), asked()
     )
     assert chosen.time == name

@@ -75,7 +75,6 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
         ("", "the load's turn is not known"),
         ("--turn-period -1", "--turn-period -1.0: give a finite number above 0"),
         ("--turn-period 0.4 --speed a --position b", "give one of them"),
-        ("--turn-period 0.4 --unit mph", "--unit mph: there are rps, rpm"),
         ("--turn-period 0.4 --from nan", "give seconds, the end after the start"),
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
         (f"{MASSES} 1", "its mass at its arm alone has 3.2 kg m^2"),
