@@ -90,16 +90,12 @@ def test_of_a_file_that_a_table_names_its_kind_is_told_and_not_its_content(tmp_p
         ("file\n", "no rows"),
         ("file,file\na.csv,b.csv\n", "two of its columns have one name"),
         ("file,gear_ration\na.csv,1\n", "column 'gear_ration' is not read; is it 'gear_ratio'"),
+        (None, "one int of logs; give a list of them"),
     ],
 )
-def test_a_table_that_lists_no_logs_is_refused(text, why, tmp_path):
+def test_what_lists_no_logs_is_refused(text, why, tmp_path):
     with pytest.raises(backlash.Refusal, match=why):
-        backlash.estimate_many(file(tmp_path, text), **HOW)
-
-
-def test_what_is_no_list_of_logs_is_refused():
-    with pytest.raises(backlash.Refusal, match="one int of logs; give a list of them"):
-        backlash.estimate_many(3, **HOW)
+        backlash.estimate_many(file(tmp_path, text) if text else 3, **HOW)
 
 
 def test_an_interrupted_run_goes_on_from_its_journal(plant, tmp_path, examine):

@@ -33,84 +33,69 @@ def held(signal, samples):
     return signal[K // samples * samples]
 
 
-# Words of a refusal, the log, and what is given of it beside its torque.
-REFUSED = [
-    (
-        f"row 500: the speed stands at {V[500]:.6g} in 40 samples one after another: frozen",
-        frame(changed(V, slice(500, 540), V[500])),
-        {},
+# Words of a refusal and the log, then also with what is given of it.
+REFUSED = {
+    f"row 500: the speed stands at {V[500]:.6g} in 40 samples one after another: frozen": frame(
+        changed(V, slice(500, 540), V[500])
     ),
-    (
-        "row 700: the torque stands at",
-        frame(torque=changed(TORQUE, slice(700, 900), TORQUE[700])),
-        {},
+    "row 700: the torque stands at": frame(torque=changed(TORQUE, slice(700, 900), TORQUE[700])),
+    "the torque stands at -999 in 50 samples one after another: frozen, or a stand-in": frame(
+        torque=changed(TORQUE, slice(700, 750), -999.0)
     ),
-    (
-        "the torque stands at -999 in 50 samples one after another: frozen, or a stand-in",
-        frame(torque=changed(TORQUE, slice(700, 750), -999.0)),
-        {},
+    "the speed stands at 65535 in 20 samples": frame(changed(V, slice(1200, 1220), 65535.0)),
+    "row 300: 4 single samples of the torque stray, the first is 9e+04 beside": frame(
+        torque=changed(TORQUE, [300, 900, 901, 1500], 9e4)
     ),
-    ("the speed stands at 65535 in 20 samples", frame(changed(V, slice(1200, 1220), 65535.0)), {}),
-    (
-        "row 300: 4 single samples of the torque stray, the first is 9e+04 beside",
-        frame(torque=changed(TORQUE, [300, 900, 901, 1500], 9e4)),
-        {},
+    "1 single samples of the speed stray, the first is 900": frame(changed(V, 500, 900.0)),
+    "row 1: speed [rps] is 0 at 1,200 places between rows that are not": frame(
+        np.where(K % 2, 0.0, V)
     ),
-    ("1 single samples of the speed stray, the first is 900", frame(changed(V, 500, 900.0)), {}),
-    (
-        "row 1: speed [rps] is 0 at 1,200 places between rows that are not",
-        frame(np.where(K % 2, 0.0, V)),
-        {},
+    "the speed stands for 3 samples in the mean: 167 new values a second, 252 are needed": frame(
+        held(V, 3), held(TORQUE, 3)
     ),
-    (
-        "the speed stands for 3 samples in the mean: 167 new values a second, 252 are needed",
-        frame(held(V, 3), held(TORQUE, 3)),
-        {},
+    "the torque stands for 4 samples in the mean: 125 new values a second": frame(
+        torque=held(TORQUE, 4)
     ),
-    (
-        "the torque stands for 4 samples in the mean: 125 new values a second",
-        frame(torque=held(TORQUE, 4)),
-        {},
+    "new values a second, at uneven instants": frame(
+        torque=TORQUE[np.maximum.accumulate(np.where(RNG.random(T.size) < 0.3, K, 0))]
     ),
-    (
-        "new values a second, at uneven instants",
-        frame(torque=TORQUE[np.maximum.accumulate(np.where(RNG.random(T.size) < 0.3, K, 0))]),
-        {},
+    "its rows stand only where speed [rps] changed": frame(V.round(1))[
+        np.append(True, np.diff(V.round(1)) != 0)
+    ],
+    "speed [rps] (in 1,201 rows) and torque (in 1,200 rows) stand in 0 rows together": frame(
+        np.where(K % 2, np.nan, V), np.where(K % 2, TORQUE, np.nan)
     ),
-    (
-        "its rows stand only where speed [rps] changed",
-        frame(V.round(1))[np.append(True, np.diff(V.round(1)) != 0)],
-        {},
-    ),
-    (
-        "speed [rps] (in 1,201 rows) and torque (in 1,200 rows) stand in 0 rows together",
-        frame(np.where(K % 2, np.nan, V), np.where(K % 2, TORQUE, np.nan)),
-        {},
-    ),
-    ("'torque' is empty in all 2,401 rows", frame(torque=np.nan), {}),
-    ("the torque is clipped at 11 in", frame(torque=np.clip(TORQUE, -99, 11)), {}),
-    ("the torque is clipped at -6 in", frame(torque=np.clip(TORQUE, -6, 99)), {}),
-    ("the speed is clipped at 100.2 in", frame(np.minimum(V, 100.2)), {}),
-    ("the motor makes 0.67 turns in a load turn of 0.4 s", frame(V / 60), {}),
+    "'torque' is empty in all 2,401 rows": frame(torque=np.nan),
+    "the torque is clipped at 11 in": frame(torque=np.clip(TORQUE, -99, 11)),
+    "the torque is clipped at -6 in": frame(torque=np.clip(TORQUE, -6, 99)),
+    "the speed is clipped at 100.2 in": frame(np.minimum(V, 100.2)),
+    "the motor makes 0.67 turns in a load turn of 0.4 s": frame(V / 60),
+    "run backward (0 s follow 4.8 s after the first; 1 such rows)": frame(t=np.append(T, T)),
+    "start anew or run backward": frame(t=T[::-1]),
+    "repeats the one before with other values": frame(t=np.floor(250 * T) / 250),
+    "sampled at 10 Hz by its time stamps; a ring of 21 Hz": frame(t=0.1 * K),
+    "are the stamps in s? if not, give --time-unit": frame(t=T * 1e-6),
+    "if they count samples, --rate": frame(t=K),
+    "samples a second: give --rate 500": frame(t=BURSTS),
+    "would be invented": frame()[np.random.default_rng(5).random(T.size) > 0.2],
+    "too short: 0.01 s in 6 samples; 4 load turns are needed": frame(V[:6]),
+    "too short: 2.5 load turns of 0.4 s at": frame(V[:500]),
+    "too short: 0.0": frame(np.append(0.0, V[:9])),
+    "not constant speed: the motor stands still": frame(V - 100.0),
+    "not constant speed: it drifts": frame(V + 0.8 * (T - 2.4)),
+    "not constant speed": frame(V[:1800] * np.repeat([1, 0.5, 1.5], 600)),
+    "is it in rpm, rad/s": frame(60 * V),
+    "never changes, it is 100 throughout": frame(0 * V + 100),
+    "too short: 1.0 load turns": frame(torque=changed(TORQUE, slice(200, 2200), np.nan)),
+}
+REFUSED_BY_OPTIONS = [
     (
         "starts anew every 7.3 turns",
         frame(TURNS % 7.3),
         {"position": "2", "unit": "turns", "speed": None},
     ),
-    ("run backward (0 s follow 4.8 s after the first; 1 such rows)", frame(t=np.append(T, T)), {}),
-    ("start anew or run backward", frame(t=T[::-1]), {}),
-    ("repeats the one before with other values", frame(t=np.floor(250 * T) / 250), {}),
-    ("sampled at 10 Hz by its time stamps; a ring of 21 Hz", frame(t=0.1 * K), {}),
     ("impact needs 120 Hz", frame(t=T * 5), {"ring_hz": 30.0}),
-    ("are the stamps in s? if not, give --time-unit", frame(t=T * 1e-6), {}),
-    ("if they count samples, --rate", frame(t=K), {}),
-    ("samples a second: give --rate 500", frame(t=BURSTS), {}),
-    ("would be invented", frame()[np.random.default_rng(5).random(T.size) > 0.2], {}),
     ("no samples between --from and --to; the log lasts 4.8 s", frame(), {"start_s": 10.0}),
-    ("too short: 0.01 s in 6 samples; 4 load turns are needed", frame(V[:6]), {}),
-    ("too short", frame(V[:500]), {}),
-    ("too short", frame(np.append(0.0, V[:9])), {}),
-    ("not constant speed: the motor stands still", frame(V - 100.0), {}),
     (
         "not constant speed: the motor moves to and fro",
         logs.frame(100 * np.sin(3 * T) + 0.1 * V),
@@ -121,9 +106,6 @@ REFUSED = [
         frame(),
         {"turn_period_s": None, "gear_ratio": 1.0},
     ),
-    ("not constant speed: it drifts", frame(V + 0.8 * (T - 2.4)), {}),
-    ("not constant speed", frame(V[:1800] * np.repeat([1, 0.5, 1.5], 600)), {}),
-    ("is it in rpm, rad/s", frame(60 * V), {}),
     ("rps longest, not 100 rps, by gear ratio and turn", frame(60 * V), {"gear_ratio": 40.0}),
     ("rps longest, not 100 rps, commanded", frame(V / 60), {"commanded_speed_rps": 100.0}),
     (
@@ -131,14 +113,17 @@ REFUSED = [
         frame(),
         {"gear_ratio": 32.0, "commanded_speed_rps": 100.0},
     ),
-    ("never changes, it is 100 throughout", frame(0 * V + 100), {}),
-    ("too short: 1.0 load turns", frame(torque=changed(TORQUE, slice(200, 2200), np.nan)), {}),
 ]
 
 
-@pytest.mark.parametrize(("words", "log", "given"), REFUSED)
-def test_what_cannot_be_used_is_refused_for_what_it_is_and_with_its_place(words, log, given):
-    assert words in refusal(log, **{"torque": "torque"} | given)
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_was_not_measured_is_refused_for_what_it_is_and_with_its_place(words):
+    assert words in refusal(REFUSED[words], torque="torque")
+
+
+@pytest.mark.parametrize(("words", "log", "given"), REFUSED_BY_OPTIONS)
+def test_what_contradicts_the_options_is_refused(words, log, given):
+    assert words in refusal(log, **given)
 
 
 # A coarse speed that stands where it turns.
