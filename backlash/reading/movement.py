@@ -16,7 +16,8 @@ from replication.signature import FloatArray
 
 def keep_constant_speed(samples: Samples) -> Samples:
     """Keep the longest stretch of turns that repeat at one mean speed, of the first turns of a long one; or strokes."""
-    v, dt, options = samples.v, samples.dt, samples.options
+    v, dt = samples.v, samples.dt
+    options = samples.options
     width = max(3, round(limits.SMOOTHING_S / dt))
     smooth = uniform_filter1d(v, width, mode="nearest")
     level = usual_speed(smooth, options.expected_speed_rps)
@@ -121,7 +122,8 @@ def turn_forward(samples: Samples) -> Samples:
 
 def make_recording(samples: Samples) -> Recording:
     """The record with its speed and turn period, of a speed that does not drift."""
-    t, v, options = samples.t, samples.v, samples.options
+    t, v = samples.t, samples.v
+    options = samples.options
     if is_to_and_fro(v):
         level = usual_speed(v, options.expected_speed_rps)
         return Recording(t - t[0], v, level, options.period_s(level), "log")

@@ -25,12 +25,7 @@ def check_size(rows: int, columns: int) -> None:
         raise Refusal(
             f"{columns:,} columns, more than {limits.MOST_COLUMNS:,}; export those of time, speed and torque"
         )
-    check_cells(rows * columns)
-
-
-def check_cells(cells: int) -> None:
-    """Refuse too many cells."""
-    if cells > limits.MOST_CELLS:
+    if rows * columns > limits.MOST_CELLS:
         raise Refusal(f"more than {limits.MOST_CELLS:,} cells; {ADVICE}, or export fewer columns")
 
 
@@ -77,8 +72,9 @@ def workbook_text(content: bytes) -> tuple[str, str]:
     library("defusedxml", "xlsx")  # refuses entities
     with _unpacking():
         _check_parts(content)
-        options = {"read_only": True, "data_only": True, "keep_links": False}
-        opened = load_workbook(io.BytesIO(content), **options)
+        opened = load_workbook(
+            io.BytesIO(content), read_only=True, data_only=True, keep_links=False
+        )
         with warnings.catch_warnings(action="ignore"), closing(opened) as book:
             return _sheet_text(book)
 
@@ -113,7 +109,7 @@ def _sheet_text(book: Any) -> tuple[str, str]:
     sheet.reset_dimensions()
     for row in sheet.iter_rows(values_only=True):
         cells += len(row) + 1
-        check_cells(cells)
+        check_size(cells, 1)
         writer.writerow(row)
     others = ", ".join(repr(each.title) for each in book.worksheets if each is not sheet)
     return text.getvalue(), f"{sheet.title!r} (not {others})" if others else ""

@@ -123,7 +123,8 @@ def unwrap_position(samples: Samples) -> Samples:
     """Make a position [turns] go on where it started anew after a turn or 2^n counts."""
     if not samples.columns.is_position:
         return samples
-    t, turns, options = samples.t, samples.v, samples.options
+    t, turns = samples.t, samples.v
+    options = samples.options
     modulus = _modulus(turns, options.counts_per_turn)
     if modulus == 0:
         return samples
