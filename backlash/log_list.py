@@ -40,8 +40,8 @@ class Batch(NamedTuple):
 def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if isinstance(source, Sequence) and not isinstance(source, str):
-        requests = [request_for(given)] * len(source)
-        return Batch(source, requests, pd.DataFrame(index=range(len(source))))
+        alike = [request_for(given)] * len(source)
+        return Batch(source, alike, pd.DataFrame(index=range(len(source))))
     if not isinstance(source, pd.DataFrame | str | PathLike):
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"

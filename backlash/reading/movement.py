@@ -36,8 +36,9 @@ def keep_constant_speed(samples: Samples) -> Samples:
     _check_speed(level, options)
     period = options.period_s(level)
     if period < limits.LEAST_SAMPLES * dt:
-        what = f"a load turn of {period:.3g} s is {period / dt:.1f} samples long"
-        raise Refusal(what, Reason.TOO_SHORT)
+        raise Refusal(
+            f"a load turn of {period:.3g} s is {period / dt:.1f} samples long", Reason.TOO_SHORT
+        )
     first += 2 * width * (first > 0)
     last -= 2 * width * (last < v.size)
     turns = (last - first) * dt / period
@@ -134,8 +135,9 @@ def make_recording(samples: Samples) -> Recording:
     some = round(max(v.size / n // 4, 1) * n)
     drift = float(v[-some:].mean() - v[:some].mean())
     if abs(drift) > limits.MOST_DRIFT * mean:
-        what = f"it drifts by {drift:+.3g} rps from {mean:.4g} rps"
-        raise Refusal(what, Reason.NOT_CONSTANT_SPEED)
+        raise Refusal(
+            f"it drifts by {drift:+.3g} rps from {mean:.4g} rps", Reason.NOT_CONSTANT_SPEED
+        )
     if mean * period < limits.LEAST_RATIO:
         raise Refusal(
             f"at {mean:.3g} rps the motor makes {mean * period:.2g} turns in a load turn of {period:.4g} s; is the "

@@ -183,10 +183,10 @@ def between_gaps(samples: Samples) -> Samples:
         samples = samples.noting(note).at(farthest)
     t = samples.t
     if t.size < limits.LEAST_SAMPLES:
-        what = (
-            f"{t[-1] - t[0]:.3g} s in {t.size} samples; {limits.LEAST_TURNS} load turns are needed"
+        raise Refusal(
+            f"{t[-1] - t[0]:.3g} s in {t.size} samples; {limits.LEAST_TURNS} load turns are needed",
+            Reason.TOO_SHORT,
         )
-        raise Refusal(what, Reason.TOO_SHORT)
     return samples
 
 
@@ -224,9 +224,7 @@ STEPS = (
     unwrap_position,
     between_gaps,
     values.refuse_zeros_between,
-    values.mark_strays,
-    values.mark_frozen,
-    values.mark_clipped,
+    values.mark_suspects,
     values.keep_new_values,
     clock.place_on_grid,
     differentiate_position,

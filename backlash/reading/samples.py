@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -64,22 +64,16 @@ class Samples:
         names = ("position" if self.columns.is_position else "speed", "torque")
         return zip(names, self.signals, strict=False)
 
-    def suspecting(self, name: str, chosen: slice | NDArray[np.int64], what: str) -> Self:
-        """The same samples with some of them suspected in the signal of a name."""
-        refusal = Refusal(what, row=self.rows[chosen][0])
-        suspect = Suspect(self.t[chosen], refusal, name != "torque")
-        return replace(self, suspects=(*self.suspects, suspect))
-
     def noting(self, note: str) -> Self:
         """The same samples with a note on what was done to them."""
         return replace(self, notes=(*self.notes, note))
 
-    def at(self, chosen: slice | NDArray[np.bool_]) -> Self:
+    def at(self, chosen: slice | NDArray[Any]) -> Self:
         """A part of the samples."""
         signals = self.signals[:, chosen]
         return replace(self, t=self.t[chosen], signals=signals, rows=self.rows[chosen])
 
-    def when(self, chosen: slice) -> str:
+    def when(self, chosen: slice | NDArray[Any]) -> str:
         """From when to when a part lasts, in words."""
         t = self.t[chosen]
         return f"from {t[0]:.3f} to {t[-1]:.3f} s after the log's first sample"

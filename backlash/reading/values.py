@@ -1,16 +1,22 @@
 """Values that no motor has or no logger measured: zeros between, stray, frozen, clipped and held ones."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from backlash.reading import limits
 from backlash.reading.movement import usual_speed
-from backlash.reading.samples import Samples, runs_of
+from backlash.reading.samples import Samples, Suspect, runs_of
 from backlash.refusals import Reason, Refusal
 from replication.signature import FloatArray
 
 Mask = NDArray[np.bool_]
+# Samples, and what is wrong with them.
+Found: TypeAlias = Iterator[tuple[NDArray[np.int64], str]]
 _NEARLY_ALL = (0.01, 0.99)  # quantiles of a signal, beyond which single values may be any
 
 
@@ -40,75 +46,79 @@ def refuse_zeros_between(samples: Samples) -> Samples:
     return samples
 
 
-def _find_strays(name: str, signal: FloatArray, limit: float) -> tuple[NDArray[np.int64], str]:
-    """Single samples that are too far from their neighbours, none if they are too many to be single ones; in words."""
+def _single_strays(name: str, signal: FloatArray, limit: float) -> Found:
+    """Samples that are too far from their neighbours, if they are few enough to be single ones."""
     usual = median_filter(signal, 5, mode="nearest")
     away = np.abs(signal - usual)
     strays = np.flatnonzero(away > max(limit, limits.STRAY_DEVIATIONS * np.median(away)))
-    if not 0 < strays.size <= limits.MOST_SINGLE * signal.size:
-        return strays[:0], ""
-    first, beside = signal[strays[0]], usual[strays[0]]
-    return strays, (
-        f"{strays.size} single samples of the {name} stray, the first is {first:.4g} beside {beside:.4g}"
-    )
+    if 0 < strays.size <= limits.MOST_SINGLE * signal.size:
+        first, beside = signal[strays[0]], usual[strays[0]]
+        yield (
+            strays,
+            f"{strays.size} single samples of the {name} stray, the first is {first:.4g} beside {beside:.4g}",
+        )
 
 
-def mark_strays(samples: Samples) -> Samples:
-    """Suspect single samples of the torque that stand out of all others."""
-    for torque in samples.signals[1:]:
-        reach = np.ptp(np.quantile(torque, _NEARLY_ALL))
-        strays, words = _find_strays("torque", torque, limits.STRAY * reach)
-        if words:
-            what = f"{words}; mend them, or leave their cells empty"
-            samples = samples.suspecting("torque", strays, what)
-    return samples
+def find_strays(name: str, signal: FloatArray) -> Found:
+    """Single samples of the torque that stand out of all others."""
+    if name == "torque":
+        reach = np.ptp(np.quantile(signal, _NEARLY_ALL))
+        for strays, words in _single_strays(name, signal, limits.STRAY * reach):
+            yield strays, f"{words}; mend them, or leave their cells empty"
 
 
-def mark_frozen(samples: Samples) -> Samples:
-    """Suspect values that stand too long: a frozen signal, or a stand-in for what is missing."""
-    for name, signal in samples.named_signals():
-        starts, lengths, values = runs_of(signal)
-        # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
-        by_length = np.sort(lengths)
-        beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
-        apart = lengths[(lengths >= limits.LEAST_FROZEN) & (beneath < limits.LEAST_BENEATH)]
-        # A coarse signal that turns slowly goes on by one step.
-        jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
-        leap = np.maximum(jumps[:-1], jumps[1:])
-        is_leap = leap >= limits.LEAST_LEAP * finest_step(signal)
-        # At a limit a signal is clipped, unless it gets there at once.
-        at_end = (values == values.max()) | (values == values.min())
-        is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, _NEARLY_ALL)))
+def find_frozen(name: str, signal: FloatArray) -> Found:
+    """Values that stand too long: a frozen signal, or a stand-in for what is missing."""
+    starts, lengths, values = runs_of(signal)
+    # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
+    by_length = np.sort(lengths)
+    beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
+    apart = lengths[(lengths >= limits.LEAST_FROZEN) & (beneath < limits.LEAST_BENEATH)]
+    # A coarse signal that turns slowly goes on by one step.
+    jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
+    leap = np.maximum(jumps[:-1], jumps[1:])
+    is_leap = leap >= limits.LEAST_LEAP * finest_step(signal)
+    # At a limit a signal is clipped, unless it gets there at once.
+    at_end = (values == values.max()) | (values == values.min())
+    is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, _NEARLY_ALL)))
+    if name == "speed":  # a motor at rest has one
+        is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
+    is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
+    for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
+        yield (
+            np.arange(start, start + length),
+            f"the {name} stands at {signal[start]:.6g} in {length} samples one after another: frozen, or a "
+            "stand-in for missing values; cut the log there",
+        )
+
+
+def find_clipped(name: str, signal: FloatArray) -> Found:
+    """Speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
+    for way in (1, -1):
+        levels, counts = np.unique(way * signal, return_counts=True)
+        if levels.size < limits.LEAST_VALUES or name == "position":
+            return
+        at = way * signal == levels[-1]
         if name == "speed":  # a motor at rest has one
-            is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
-        is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
-        for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
-            what = (
-                f"the {name} stands at {signal[start]:.6g} in {length} samples one after another: frozen, or a "
-                "stand-in for missing values; cut the log there"
+            at &= np.abs(signal) > 0.05 * np.abs(levels).max()
+        is_held = at[2:] & at[1:-1] & at[:-2]
+        is_piled = counts[-1] > limits.LEAST_PILED * counts[-4:-1].max()
+        if is_piled and is_held.sum() > limits.MOST_CLIPPED * signal.size:
+            yield (
+                np.flatnonzero(at),
+                f"the {name} is clipped at {way * levels[-1]:.6g} in {at.sum()} samples; log it with a wider range, or "
+                "move slower",
             )
-            samples = samples.suspecting(name, slice(start, start + length), what)
-    return samples
 
 
-def mark_clipped(samples: Samples) -> Samples:
-    """Suspect a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
-    for name, signal in samples.named_signals():
-        for way in (1, -1):
-            levels, counts = np.unique(way * signal, return_counts=True)
-            if levels.size < limits.LEAST_VALUES or name == "position":
-                break
-            at = way * signal == levels[-1]
-            if name == "speed":  # a motor at rest has one
-                at &= np.abs(signal) > 0.05 * np.abs(levels).max()
-            is_held = at[2:] & at[1:-1] & at[:-2]
-            is_piled = counts[-1] > limits.LEAST_PILED * counts[-4:-1].max()
-            if is_piled and is_held.sum() > limits.MOST_CLIPPED * signal.size:
-                what = (
-                    f"the {name} is clipped at {way * levels[-1]:.6g} in {at.sum()} samples; "
-                    "log it with a wider range, or move slower"
-                )
-                samples = samples.suspecting(name, np.flatnonzero(at), what)
+def mark_suspects(samples: Samples) -> Samples:
+    """Suspect samples that were hardly measured; outside the turns that are used they do not matter."""
+    for find in (find_strays, find_frozen, find_clipped):
+        for name, signal in samples.named_signals():
+            for chosen, words in find(name, signal):
+                refusal = Refusal(words, row=samples.rows[chosen][0])
+                suspect = Suspect(samples.t[chosen], refusal, name != "torque")
+                samples = replace(samples, suspects=(*samples.suspects, suspect))
     return samples
 
 
@@ -129,8 +139,10 @@ def keep_new_values(samples: Samples) -> Samples:
         )
     least_hz = limits.GOOD_RATE * samples.options.ring_hz
     if rate < least_hz:
-        what = f"{note}, {least_hz:.0f} are needed; log each value when it is new"
-        raise Refusal(what, Reason.TOO_SLOWLY_SAMPLED)
+        raise Refusal(
+            f"{note}, {least_hz:.0f} are needed; log each value when it is new",
+            Reason.TOO_SLOWLY_SAMPLED,
+        )
     return thinned.noting(f"{note}, which were used")
 
 
@@ -153,8 +165,7 @@ def _is_not_held(signal: FloatArray) -> Mask:
 def refuse_speed_spikes(samples: Samples) -> Samples:
     """Refuse single samples of the speed that no motor could follow."""
     level = usual_speed(samples.v, samples.options.expected_speed_rps)
-    strays, words = _find_strays("speed", samples.v, limits.SPIKE * level)
-    if words:
+    for strays, words in _single_strays("speed", samples.v, limits.SPIKE * level):
         raise Refusal(
             f"{words} rps, {samples.t[strays[0]]:.6g} s after the first; mend or cut the log; of a speed "
             "differentiated by uneven stamps log the position"
