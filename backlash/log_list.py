@@ -13,9 +13,9 @@ from typing import Any, NamedTuple, TypeAlias
 import pandas as pd
 
 from backlash.estimates import GIVEN, Request, request_for
+from backlash.reading import limits
 from backlash.reading.columns import listed
-from backlash.reading.limits import LIMITS
-from backlash.reading.packed import check_size, is_parquet, read_parquet_text
+from backlash.reading.packed import check_size, is_parquet, read_parquet
 from backlash.reading.sources import name_of, naming, read_bytes
 from backlash.reading.tables import text_of
 from backlash.refusals import Refusal
@@ -40,27 +40,27 @@ class Batch(NamedTuple):
 def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
     """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if isinstance(source, Sequence) and not isinstance(source, str):
-        keys = pd.DataFrame(index=range(len(source)))
-        return Batch(source, [request_for(given) for _ in source], keys)
+        alike = [request_for(given)] * len(source)
+        return Batch(source, alike, pd.DataFrame(index=range(len(source))))
     if not isinstance(source, pd.DataFrame | str | PathLike):
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
         )
-    name = "the table" if isinstance(source, pd.DataFrame) else str(source)
+    is_frame = isinstance(source, pd.DataFrame)
+    name = "the table" if is_frame else str(source)
     with naming(name):
         table = read_rows(source)
         _refuse_misspelt(table)
     logs = table["file"].tolist()
-    if not isinstance(source, pd.DataFrame):  # relative to the table
-        logs = [Path(source).parent / _text(cell).replace("\0", "?") for cell in logs]
+    if not is_frame:  # relative to the table
+        logs = [Path(name).parent / _text(cell).replace("\0", "?") for cell in logs]
     keys = keys_of(table)
     table = table.assign(is_dated=keys.get("date", table["file"]).notna())
     requests: list[Request | Refusal] = []
     for log, row in zip(logs, table.to_dict("records"), strict=True):
         try:
             request = request_for({**given, **options_of(row)})
-            is_quoted = isinstance(source, pd.DataFrame)
-            requests.append(replace(request, is_quoted=is_quoted))
+            requests.append(replace(request, is_quoted=is_frame))
         except Refusal as refusal:
             requests.append(Refusal(f"{name}, {Path(name_of(log)).name}: {refusal}"))
     return Batch(logs, requests, keys)
@@ -102,15 +102,15 @@ def read_rows(source: TableOfLogs) -> pd.DataFrame:
         raise Refusal(f"no column 'file'; there are {listed(table.columns)}")
     if table.empty or not table.columns.is_unique:
         raise Refusal("no rows" if table.empty else "two of its columns have one name; rename one")
-    if len(table) > LIMITS.most_logs:
-        raise Refusal(f"{len(table):,} logs, more than {LIMITS.most_logs:,}; split the table")
+    if len(table) > limits.MOST_LOGS:
+        raise Refusal(f"{len(table):,} logs, more than {limits.MOST_LOGS:,}; split the table")
     return table
 
 
 def _read_file(name: str) -> pd.DataFrame:
-    content = read_bytes(name, LIMITS.most_list_bytes)
+    content = read_bytes(name)
     if is_parquet(content):
-        return read_parquet_text(content)
+        return read_parquet(content)
     text, _ = text_of(content)
     first = text.partition("\n")[0]
     check_size(text.count("\n"), len(first))

@@ -18,8 +18,6 @@ from backlash.refusals import Refusal
 from replication.joint import identified_joint, simulate
 from replication.records import Recording
 
-TURN = LogOptions(turn_period_s=0.4)
-
 
 @lru_cache
 def noisy(delta_rad: float = 9e-4) -> Recording:
@@ -73,14 +71,19 @@ def frame(v=V, t=T, name="speed [rps]", **others) -> pd.DataFrame:
     return pd.DataFrame({"time": t, name: np.resize(v, len(t)), **others})
 
 
-def opened(v=V, form=TURN, t=T, name="speed [rps]", **others) -> Log:
-    return open_log(frame(v, t, name, **others), form)
+def asked(**given) -> LogOptions:
+    """Options by which a log is read, of a load that turns in 0.4 s."""
+    return LogOptions(**{"turn_period_s": 0.4} | given)
 
 
-def refusal(source, form=TURN) -> str:
+def read(source, **given) -> Log:
+    return open_log(source, asked(**given))
+
+
+def refusal(source, **given) -> str:
     """The one line with which a log is refused."""
     with pytest.raises(Refusal) as caught:
-        open_log(source, form)
+        read(source, **given)
     line = str(caught.value)
     assert "\n" not in line
     assert len(line) < 600

@@ -1,13 +1,13 @@
 """When samples were taken: time stamps as seconds, and the even grid behind them."""
 
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 from scipy.interpolate import CubicSpline
 
+from backlash.reading import limits
 from backlash.reading.columns import numeric_column
-from backlash.reading.limits import LIMITS
 from backlash.reading.samples import Samples
 from backlash.reading.tables import TIME_OF_DAY
 from backlash.reading.units import SECONDS, split_unit
@@ -26,7 +26,7 @@ def read_times(table: pd.DataFrame, column: str, given_unit: str | None) -> tupl
             return _times_of_day(parts, column), "time of day"
     stamps = numeric_column(table, column)
     # Stamps that do not say it are those of a clock since 1970, else seconds.
-    low, high = LIMITS.since_1970_s
+    low, high = limits.SINCE_1970_S
     since_1970 = (unit for unit in ("ms", "us", "ns") if low < SECONDS[unit] * stamps[0] < high)
     unit = given_unit or split_unit(column)[1] or next(since_1970, "s")
     if unit not in SECONDS:
@@ -54,10 +54,9 @@ def refuse_backward(t: FloatArray, rows: pd.Index) -> None:
     wrong = np.flatnonzero(np.diff(t) < 0)
     if wrong.size:
         k = wrong[0] + 1
-        where = f"{t[k]:.6g} s follow {t[k - 1]:.6g} s after the first"
         raise Refusal(
-            f"its time stamps start anew or run backward ({where}; {wrong.size} such rows); "
-            "keep one run, sorted by time",
+            f"its time stamps start anew or run backward ({t[k]:.6g} s follow {t[k - 1]:.6g} s after the first; "
+            f"{wrong.size} such rows); keep one run, sorted by time",
             row=rows[k],
         )
 
@@ -66,22 +65,18 @@ def sampling_period(samples: Samples) -> float:
     """Mean sampling period [s] but for gaps, where that is short enough."""
     t, ring_hz = samples.t, samples.options.ring_hz
     steps = np.diff(t)
-    dt = float(steps[steps <= LIMITS.longest_step * np.median(steps)].mean())
+    dt = float(steps[steps <= limits.LONGEST_STEP * np.median(steps)].mean())
     rate = 1.0 / max(dt, 1e-300)
-    if rate > LIMITS.most_hz:
-        raise Refusal(f"{rate:.3g} samples a second; give --time-unit of the stamps")
     # Of stamps in whole milliseconds a step of 2 ms may be read as 3.
     missing = np.maximum(np.ceil(steps / dt - 1.6), 0)
-    if np.mean(missing > 0) > LIMITS.few_gaps:
+    if np.mean(missing > 0) > limits.FEW_GAPS:
         _refuse_invented(int(missing.sum()), samples)
-    least_hz = LIMITS.least_rate * ring_hz
-    if rate < least_hz and (steps == 1).all():
-        raise Refusal("its stamps count the samples, one by one: give --rate, samples a second")
-    if rate < least_hz:
-        cure = "--ring gives the joint's own; are the time stamps in s? if not, give --time-unit"
+    least_hz = limits.LEAST_RATE * ring_hz
+    if not least_hz <= rate <= limits.MOST_HZ:
         raise Refusal(
-            f"sampled at {rate:.3g} Hz; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} Hz at least"
-            f" ({cure})"
+            f"sampled at {rate:.3g} Hz by its time stamps; a ring of {ring_hz:g} Hz after an impact needs {least_hz:g} "
+            "Hz at least (--ring gives the joint's own); are the stamps in s? if not, give --time-unit; if they count "
+            "samples, --rate"
         )
     return dt
 
@@ -90,12 +85,10 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
     """Refuse samples between whose stamps more than a tenth would have to be invented."""
     t, v = samples.t, samples.v
     share = missing / (missing + t.size)
-    if share <= LIMITS.most_invented:
+    if share <= limits.MOST_INVENTED:
         return
-    _, counts = np.unique(v, return_counts=True)
-    # Repetitions, if the values came in any order.
-    chance_repeats = np.sum((counts / t.size) ** 2) * t.size
-    if chance_repeats > LIMITS.least_values and not (np.diff(v) == 0).any():
+    # Values that came in any order would repeat.
+    if t.size > limits.LEAST_VALUES * np.unique(v).size and (np.diff(v) != 0).all():
         raise Refusal(
             f"its rows stand only where {samples.columns.signal} changed ({missing:,} are missing between, no value "
             "repeats); log at a fixed rate"
@@ -105,13 +98,6 @@ def _refuse_invented(missing: int, samples: Samples) -> None:
         f"its stamps come in bursts or samples are lost: on an even grid {share:.0%} would be invented; "
         f"there are {rate} samples a second: give --rate {rate}, if it was sampled evenly"
     )
-
-
-def parts_without_gaps(t: FloatArray, dt: float) -> list[slice]:
-    """The parts of some samples between which too many are missing to be filled."""
-    gaps = np.flatnonzero(np.diff(t) > max(LIMITS.longest_step * dt, dt + LIMITS.longest_filled_s))
-    ends = [0, *(gaps + 1).tolist(), t.size]
-    return [slice(first, last) for first, last in pairwise(ends)]
 
 
 def _even_clock(t: FloatArray, dt: float) -> tuple[FloatArray, float, float]:
@@ -126,12 +112,13 @@ def _even_clock(t: FloatArray, dt: float) -> tuple[FloatArray, float, float]:
     return min(clocks, key=lambda clock: np.std(t - clock[1] * clock[0]) / clock[1])
 
 
-def _follows_stamps(v: FloatArray, stray: FloatArray) -> bool:
+def _follows_stamps(k: FloatArray, v: FloatArray, stray: FloatArray) -> bool:
     """Whether samples tell that they were taken at the stamps, which stray from an even grid by shares of its period.
 
     Their deviations from the neighbours' course then are its slope times the stray, else they have
     nothing in common.
     """
+    v, stray = (np.interp(np.arange(k[-1] + 1), k, each) for each in (v, stray))
     curve = np.convolve(v, np.array([1, -4, 6, -4, 1]) / 6, mode="valid")
     slope = np.convolve(v, np.array([2, 1, 0, -1, -2]) / 10, mode="valid")
     moved = slope * stray[2:-2]
@@ -144,30 +131,26 @@ def place_on_grid(samples: Samples) -> Samples:
     What strays by more than a period is a clock's drift, and followed; what is fast is if the signal
     follows it.
     """
-    t = samples.t
+    t, signals = samples.t, samples.signals
     k, dt, start = _even_clock(t, sampling_period(samples))
     holes = int(k[-1]) + 1 - k.size
     _refuse_invented(holes, samples)
-    places = k.copy()
-    stray = (t - start) / dt - k
+    places, stray = k, (t - start) / dt - k
     nominal = float(f"{1 / dt:.3g}")
     if abs(nominal * dt - 1) * k[-1] * np.sqrt(t.size) < 12 * stray.std() + 1e-6:
         dt = 1 / nominal
     most = float(np.abs(stray).max())
     if most > 0.01:
         how = "taken as even"
-        all_k = np.arange(k[-1] + 1)
-        all_v, all_stray = (np.interp(all_k, k, each) for each in (samples.v, stray))
-        if most > 1 or _follows_stamps(all_v, all_stray):
+        if most > 1 or _follows_stamps(k, samples.v, stray):
             how = "resampled"
-            places += stray
+            places = k + stray
         off = f"time stamps up to {1e3 * dt * most:.2g} ms off an even {1 / dt:.6g} Hz"
         samples = samples.noting(f"{off}: {how}")
     if holes:
         samples = samples.noting(f"missing samples filled from their neighbours: {holes}")
     # Within half a sample of the data: far beyond them a spline is anything.
     even = np.arange(np.rint(places[0]), np.rint(places[-1]) + 1)
-    signals = samples.signals
     if not np.array_equal(places, even):
         signals = CubicSpline(places, signals, axis=1)(even)
-    return samples.moved(start + dt * even, signals)
+    return replace(samples, t=start + dt * even, signals=signals)

@@ -11,29 +11,22 @@ from typing import Any
 
 import pandas as pd
 
-from backlash.reading.limits import LIMITS
+from backlash.reading import limits
 from backlash.refusals import Refusal, library
 
 ADVICE = "cut it to the test movement, a minute at most"
-# Parquet columns that may hold a signal; text and nested ones may unpack to anything.
-_NUMERIC = ("int", "uint", "float", "double", "halffloat", "time", "duration", "decimal")
 _SHEET = re.compile(r"(.*/)?(worksheets/[^/]+|sharedStrings)\.xml", re.IGNORECASE)
 _BEFORE_ROW = re.compile(rb"(?=<(?:\w+:)?row\b)")
 
 
 def check_size(rows: int, columns: int) -> None:
     """Refuse a table that takes more time and memory than a log is worth."""
-    if columns > LIMITS.most_columns:
+    if columns > limits.MOST_COLUMNS:
         raise Refusal(
-            f"{columns:,} columns, more than {LIMITS.most_columns:,}; export those of time, speed and torque"
+            f"{columns:,} columns, more than {limits.MOST_COLUMNS:,}; export those of time, speed and torque"
         )
-    check_cells(rows * columns)
-
-
-def check_cells(cells: int) -> None:
-    """Refuse too many cells."""
-    if cells > LIMITS.most_cells:
-        raise Refusal(f"more than {LIMITS.most_cells:,} cells; {ADVICE}, or export fewer columns")
+    if rows * columns > limits.MOST_CELLS:
+        raise Refusal(f"more than {limits.MOST_CELLS:,} cells; {ADVICE}, or export fewer columns")
 
 
 @contextmanager
@@ -51,46 +44,21 @@ def _unpacking() -> Iterator[None]:
 
 
 def read_parquet(content: bytes) -> pd.DataFrame:
-    """Read the numbers of a Parquet file; its other columns hold the name of their type."""
-    with _unpacking():
-        schema = _schema_of(content)
-        if len({*schema.names}) < len(schema.names):
-            raise Refusal("several of its columns have one name; rename them")
-        types = {field.name: str(field.type) for field in schema}
-        table = _read_rows(content, [name for name in types if types[name].startswith(_NUMERIC)])
-        frame = table.to_pandas(ignore_metadata=True)
-        others = {name: types[name] for name in types if name not in frame}
-        frame = frame.assign(**others)[schema.names]
-    frame.index = frame.index + 1
-    return frame
-
-
-def read_parquet_text(content: bytes) -> pd.DataFrame:
-    """Read all of a small Parquet file, of whose texts a few bytes may repeat a long one, some rows at a time."""
-    with _unpacking():
-        return _read_rows(content, _schema_of(content).names, batch_size=64).to_pandas()
-
-
-def _schema_of(content: bytes) -> Any:
-    parquet = library("pyarrow.parquet", "parquet")
-    return parquet.read_schema(io.BytesIO(content))
-
-
-def _read_rows(content: bytes, columns: list[str], batch_size: int = 2**16) -> Any:
-    """Read some columns of a Parquet table, row by row: its footer may say that there are fewer than there are."""
+    """Read a Parquet table, of whose texts a few bytes may repeat a long one, some rows at a time."""
     parquet, pyarrow = library("pyarrow.parquet", "parquet"), library("pyarrow", "parquet")
-    batches, rows, size = [], 0, 0
-    with parquet.ParquetFile(io.BytesIO(content)) as file:
-        width = max(len(file.schema_arrow), 1)
-        check_size(file.metadata.num_rows, width)
-        for batch in file.iter_batches(batch_size, columns=columns, use_threads=False):
-            rows += batch.num_rows
-            check_size(rows, width)
+    batches = []
+    size = 0
+    with _unpacking(), parquet.ParquetFile(io.BytesIO(content)) as file:
+        check_size(file.metadata.num_rows, len(file.schema_arrow))
+        for batch in file.iter_batches(64):
             size += batch.nbytes
-            if size > LIMITS.most_bytes:
-                raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
+            if size > limits.MOST_BYTES:
+                raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
             batches.append(batch)
-        return pyarrow.Table.from_batches(batches, None if batches else file.schema_arrow)
+        table = pyarrow.Table.from_batches(batches, file.schema_arrow)
+        frame = table.to_pandas(ignore_metadata=True)
+    frame.index += 1
+    return frame
 
 
 def is_parquet(content: bytes) -> bool:
@@ -104,8 +72,9 @@ def workbook_text(content: bytes) -> tuple[str, str]:
     library("defusedxml", "xlsx")  # refuses entities
     with _unpacking():
         _check_parts(content)
-        options = {"read_only": True, "data_only": True, "keep_links": False}
-        opened = load_workbook(io.BytesIO(content), **options)
+        opened = load_workbook(
+            io.BytesIO(content), read_only=True, data_only=True, keep_links=False
+        )
         with warnings.catch_warnings(action="ignore"), closing(opened) as book:
             return _sheet_text(book)
 
@@ -116,23 +85,19 @@ def _check_parts(content: bytes) -> None:
     Styles and relations become objects a hundred times as large, sheets and texts are read one by one.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as bundle:
-        parts = bundle.infolist()
-        if sum(part.file_size for part in parts) > LIMITS.most_bytes:
-            raise Refusal(f"it unpacks to more than {LIMITS.most_bytes // 2**20} MiB; {ADVICE}")
-        others = [p for p in parts if not _SHEET.fullmatch(p.filename)]
-        texts = [p for p in others if p.filename.endswith((".xml", ".rels"))]
-        if (extra := sum(p.file_size for p in texts)) > LIMITS.most_style_bytes:
-            raise Refusal(
-                f"its styles and relations unpack to {extra / 2**20:.0f} MiB; save the log as CSV"
-            )
-        if (tags := sum(bundle.read(p).count(b"<") for p in texts)) > LIMITS.most_style_tags:
+        if sum(part.file_size for part in bundle.infolist()) > limits.MOST_BYTES:
+            raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
+        tags = 0
+        for name in bundle.namelist():
+            part = bundle.read(name)
+            if _SHEET.fullmatch(name):
+                for row in _BEFORE_ROW.split(part)[1:]:
+                    # A cell has four signs, a hostile one a single one.
+                    check_size(1, row.count(b"<") // 8)
+            elif name.endswith((".xml", ".rels")):
+                tags += part.count(b"<")
+        if tags > limits.MOST_STYLE_TAGS:
             raise Refusal(f"its styles and relations have {tags:,} entries; save the log as CSV")
-        for part in set(parts) - set(others):
-            sheet = bundle.read(part)
-            # A cell has four signs, a hostile one a single one.
-            check_cells(sheet.count(b"<") // 4)
-            for row in _BEFORE_ROW.split(sheet)[1:]:
-                check_size(1, row.count(b"<") // 8)
 
 
 def _sheet_text(book: Any) -> tuple[str, str]:
@@ -144,7 +109,7 @@ def _sheet_text(book: Any) -> tuple[str, str]:
     sheet.reset_dimensions()
     for row in sheet.iter_rows(values_only=True):
         cells += len(row) + 1
-        check_cells(cells)
+        check_size(cells, 1)
         writer.writerow(row)
     others = ", ".join(repr(each.title) for each in book.worksheets if each is not sheet)
     return text.getvalue(), f"{sheet.title!r} (not {others})" if others else ""

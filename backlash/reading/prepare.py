@@ -8,9 +8,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from backlash.reading import clock, movement, values
+from backlash.reading import clock, limits, movement, values
 from backlash.reading.columns import Columns, LogOptions, choose_columns, numeric_column
-from backlash.reading.limits import LIMITS
 from backlash.reading.samples import Samples
 from backlash.reading.sources import name_of, read_source
 from backlash.reading.tables import Table
@@ -33,7 +32,7 @@ def open_log(
 ) -> Log:
     """Read and prepare a log; see `read_source`."""
     table = read_source(source, options, v, torque)
-    samples = Samples(np.empty(0), np.empty((0, 0)), pd.RangeIndex(0), options, Columns())
+    samples = Samples(np.empty(0), np.empty(0), pd.Index([]), options, Columns())
     try:
         samples = replace(samples, columns=choose_columns(table, options))
         samples = take_samples(table.frame, samples)
@@ -71,12 +70,11 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
     is_whole = frame[needed].notna().all(axis=1)
     table = frame[is_whole]
     if len(table) < 3:
-        counts = frame[names].count()
-        if columns.torque and counts.min() >= 3:
-            each = " and ".join(f"{name} (in {count:,} rows)" for name, count in counts.items())
-            raise Refusal(f"{each} never stand in one row; export them at the same instants")
-        counted = f"samples with {' and '.join(needed)}: {len(table)}"
-        raise Refusal(f"{counted}; a log of {LIMITS.least_turns} load turns is needed")
+        counts = [f"{name} (in {frame[name].count():,} rows)" for name in needed]
+        raise Refusal(
+            f"{' and '.join(counts)} stand in {len(table)} rows together; a log of {limits.LEAST_TURNS} load turns is "
+            "needed, with all of them at the same instants"
+        )
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz
     else:
@@ -125,7 +123,8 @@ def unwrap_position(samples: Samples) -> Samples:
     """Make a position [turns] go on where it started anew after a turn or 2^n counts."""
     if not samples.columns.is_position:
         return samples
-    t, turns, options = samples.t, samples.v, samples.options
+    t, turns = samples.t, samples.v
+    options = samples.options
     modulus = _modulus(turns, options.counts_per_turn)
     if modulus == 0:
         return samples
@@ -148,21 +147,23 @@ def unwrap_position(samples: Samples) -> Samples:
 def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
     """Turns after which a position starts anew; 0 if it does not."""
     span = float(np.ptp(turns))
-    rounds = [1.0]
-    if counts_per_turn:
-        rounds += [*(2.0 ** np.arange(8, 33) / counts_per_turn)]
-    # A saw: steps of one direction, and some back over nearly all of the span.
     steps = np.diff(turns)
     usual = float(np.median(steps))
+    # A saw: steps of one direction, and some back over nearly all of the span.
     is_back = (np.abs(steps) > 0.9 * span) & (np.sign(steps) == -np.sign(usual))
-    if not is_back.any() or (steps * np.sign(usual) > 0.5 * span).any():
-        return min((m for m in rounds if 0.5 * m < span <= m * (1 + 1e-9)), default=0.0)
-    size = float(np.median(np.abs(steps[is_back]))) + abs(usual)
+    is_saw = is_back.any() and not (steps * np.sign(usual) > 0.5 * span).any()
+    rounds, most = [1.0], 2 * span
     if counts_per_turn:
-        rounds += [*(10.0 ** np.arange(2, 10) / counts_per_turn)]
-    best = min(*rounds, np.rint(size), key=lambda modulus: abs(modulus - size))
-    if best * (1 + 1e-9) >= span and abs(best - size) <= 2 * abs(usual):
-        return best
+        rounds += [*(2.0 ** np.arange(8, 33) / counts_per_turn)]
+    if is_saw:
+        size = float(np.median(np.abs(steps[is_back]))) + abs(usual)
+        rounds.append(np.rint(size))
+        most = size + 2 * abs(usual)
+        if counts_per_turn:
+            rounds += [*(10.0 ** np.arange(2, 10) / counts_per_turn)]
+    modulus = min((m for m in rounds if span <= m * (1 + 1e-9) and m < most), default=0.0)
+    if modulus or not is_saw:
+        return modulus
     raise Refusal(
         f"the position starts anew every {size:.5g} turns, which are no whole ones; give --counts-per-turn of the "
         "encoder, or --unit"
@@ -170,20 +171,22 @@ def _modulus(turns: FloatArray, counts_per_turn: float | None) -> float:
 
 
 def between_gaps(samples: Samples) -> Samples:
-    """Keep the part between two gaps in which the motor goes farthest."""
+    """Keep the part between two gaps, of more than can be filled, in which the motor goes farthest."""
     dt = clock.sampling_period(samples)
-    course = samples.v if samples.columns.is_position else np.cumsum(samples.v)
-    parts = clock.parts_without_gaps(samples.t, dt)
-    farthest = max(parts, key=lambda part: np.ptp(course[part]))
-    if farthest != slice(0, samples.t.size):
+    longest = max(limits.LONGEST_STEP * dt, dt + limits.LONGEST_FILLED_S)
+    gaps = np.flatnonzero(np.diff(samples.t) > longest)
+    if gaps.size:
+        course = samples.v if samples.columns.is_position else np.cumsum(samples.v)
+        parts = np.split(np.arange(course.size), gaps + 1)
+        farthest = max(parts, key=lambda part: np.ptp(course[part]))
         note = f"used what is between two gaps, {samples.when(farthest)}"
         samples = samples.noting(note).at(farthest)
     t = samples.t
-    if t.size < LIMITS.least_samples:
-        what = (
-            f"{t[-1] - t[0]:.3g} s in {t.size} samples; {LIMITS.least_turns} load turns are needed"
+    if t.size < limits.LEAST_SAMPLES:
+        raise Refusal(
+            f"{t[-1] - t[0]:.3g} s in {t.size} samples; {limits.LEAST_TURNS} load turns are needed",
+            Reason.TOO_SHORT,
         )
-        raise Refusal(what, Reason.TOO_SHORT)
     return samples
 
 
@@ -194,25 +197,25 @@ def differentiate_position(samples: Samples) -> Samples:
     t, (turns, *torque) = samples.t, samples.signals
     integrals = [CubicSpline(t, each).antiderivative()(t) for each in torque]
     means = np.diff([turns, *integrals]) / np.diff(t)
-    return samples.moved(t[1:], np.vstack([means, *samples.signals[1:, 1:]]))
+    return replace(samples, t=t[1:], signals=np.vstack([means, *samples.signals[1:, 1:]]))
 
 
 def average_fast(samples: Samples) -> Samples:
     """Means of neighbouring samples of a fast log; of a slow one it is noted what it is good for."""
-    t, rate, ring_hz = samples.t, samples.rate_hz, samples.options.ring_hz
-    good_hz = LIMITS.good_rate * ring_hz
+    rate, ring_hz = samples.rate_hz, samples.options.ring_hz
+    good_hz = limits.GOOD_RATE * ring_hz
     if rate < good_hz:
         samples = samples.noting(
             f"sampled at {rate:.0f} Hz: below {good_hz:.0f} Hz the peaks of a ring of {ring_hz:g} Hz are read too low"
         )
-    if rate <= LIMITS.fastest_hz:
+    if rate <= limits.FASTEST_HZ:
         return samples
-    together = int(rate // (LIMITS.fastest_hz / 2))
-    whole = t.size // together * together
-    blocks = np.vstack([t, samples.signals])[:, :whole].reshape(-1, whole // together, together)
-    means = blocks.mean(axis=2)
+    together = int(rate // (limits.FASTEST_HZ / 2))
+    whole = samples.t.size // together * together
+    both = np.vstack([samples.t, samples.signals])[:, :whole]
+    means = both.reshape(len(both), -1, together).mean(axis=2)
     note = f"sampled at {rate:.6g} Hz: averaged over {together} samples each"
-    return samples.noting(note).moved(means[0], means[1:])
+    return replace(samples.noting(note), t=means[0], signals=means[1:])
 
 
 # In this order; each takes the samples and hands them on, or refuses them.
@@ -221,9 +224,7 @@ STEPS = (
     unwrap_position,
     between_gaps,
     values.refuse_zeros_between,
-    values.mark_strays,
-    values.mark_frozen,
-    values.mark_clipped,
+    values.mark_suspects,
     values.keep_new_values,
     clock.place_on_grid,
     differentiate_position,

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -13,18 +13,10 @@ from backlash.refusals import Refusal
 from replication.signature import FloatArray
 
 
-class Runs(NamedTuple):
-    """Runs of equal values: their first indices, lengths and values."""
-
-    starts: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    values: FloatArray
-
-
-def runs_of(signal: FloatArray) -> Runs:
-    """Find the runs of equal values."""
+def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+    """First indices, lengths and values of the runs of equal values."""
     starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
-    return Runs(starts, np.diff(starts, append=signal.size), signal[starts])
+    return starts, np.diff(starts, append=signal.size), signal[starts]
 
 
 class Suspect(NamedTuple):
@@ -41,7 +33,7 @@ class Samples:
 
     t: FloatArray
     signals: FloatArray  # shape (signals, samples)
-    rows: pd.Index  # of the file; none where samples are no longer those of rows
+    rows: pd.Index  # of the file, until samples are put on a grid
     options: LogOptions
     columns: Columns
     notes: tuple[str, ...] = ()
@@ -72,26 +64,16 @@ class Samples:
         names = ("position" if self.columns.is_position else "speed", "torque")
         return zip(names, self.signals, strict=False)
 
-    def suspecting(self, name: str, chosen: slice | NDArray[np.int64], what: str) -> Self:
-        """The same samples with some of them suspected in the signal of a name."""
-        refusal = Refusal(what, row=self.rows[chosen][0])
-        suspect = Suspect(self.t[chosen], refusal, name != "torque")
-        return replace(self, suspects=(*self.suspects, suspect))
-
     def noting(self, note: str) -> Self:
         """The same samples with a note on what was done to them."""
         return replace(self, notes=(*self.notes, note))
 
-    def at(self, chosen: slice | NDArray[np.bool_]) -> Self:
+    def at(self, chosen: slice | NDArray[Any]) -> Self:
         """A part of the samples."""
         signals = self.signals[:, chosen]
         return replace(self, t=self.t[chosen], signals=signals, rows=self.rows[chosen])
 
-    def moved(self, t: FloatArray, signals: FloatArray) -> Self:
-        """Other samples of the same log, which are those of no row."""
-        return replace(self, t=t, signals=signals, rows=self.rows[:0])
-
-    def when(self, chosen: slice) -> str:
+    def when(self, chosen: slice | NDArray[Any]) -> str:
         """From when to when a part lasts, in words."""
         t = self.t[chosen]
         return f"from {t[0]:.3f} to {t[-1]:.3f} s after the log's first sample"

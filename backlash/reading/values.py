@@ -1,16 +1,23 @@
 """Values that no motor has or no logger measured: zeros between, stray, frozen, clipped and held ones."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from backlash.reading.limits import LIMITS
+from backlash.reading import limits
 from backlash.reading.movement import usual_speed
-from backlash.reading.samples import Samples, runs_of
+from backlash.reading.samples import Samples, Suspect, runs_of
 from backlash.refusals import Reason, Refusal
 from replication.signature import FloatArray
 
 Mask = NDArray[np.bool_]
+# Samples, and what is wrong with them.
+Found: TypeAlias = Iterator[tuple[NDArray[np.int64], str]]
+_NEARLY_ALL = (0.01, 0.99)  # quantiles of a signal, beyond which single values may be any
 
 
 def finest_step(signal: FloatArray) -> float:
@@ -20,7 +27,7 @@ def finest_step(signal: FloatArray) -> float:
     """
     steps = np.abs(np.diff(signal))
     steps = steps[steps > 1e-9 * np.ptp(signal)]
-    return float(np.quantile(steps, LIMITS.rare)) if steps.size else 0.0
+    return float(np.quantile(steps, limits.RARE)) if steps.size else 0.0
 
 
 def refuse_zeros_between(samples: Samples) -> Samples:
@@ -28,9 +35,9 @@ def refuse_zeros_between(samples: Samples) -> Samples:
     signal = samples.v
     starts, lengths, values = runs_of(signal)
     is_far = np.abs(values) > 0.5 * np.median(np.abs(signal[signal != 0]))
-    is_zero = (values == 0) & (lengths < LIMITS.least_frozen)
+    is_zero = (values == 0) & (lengths < limits.LEAST_FROZEN)
     zeros = starts[1:-1][is_zero[1:-1] & is_far[:-2] & is_far[2:]]
-    if zeros.size > LIMITS.most_single * signal.size:
+    if zeros.size > limits.MOST_SINGLE * signal.size:
         raise Refusal(
             f"{samples.columns.signal} is 0 at {zeros.size:,} places between rows that are not; leave out the rows "
             "without a measurement",
@@ -39,72 +46,79 @@ def refuse_zeros_between(samples: Samples) -> Samples:
     return samples
 
 
-def _single_strays(away: FloatArray, limit: float) -> NDArray[np.int64]:
-    """Samples that are too far away from their neighbours; none if they are too many to be single ones."""
-    strays = np.flatnonzero(away > limit)
-    return strays if strays.size <= LIMITS.most_single * away.size else strays[:0]
+def _single_strays(name: str, signal: FloatArray, limit: float) -> Found:
+    """Samples that are too far from their neighbours, if they are few enough to be single ones."""
+    usual = median_filter(signal, 5, mode="nearest")
+    away = np.abs(signal - usual)
+    strays = np.flatnonzero(away > max(limit, limits.STRAY_DEVIATIONS * np.median(away)))
+    if 0 < strays.size <= limits.MOST_SINGLE * signal.size:
+        first, beside = signal[strays[0]], usual[strays[0]]
+        yield (
+            strays,
+            f"{strays.size} single samples of the {name} stray, the first is {first:.4g} beside {beside:.4g}",
+        )
 
 
-def mark_strays(samples: Samples) -> Samples:
-    """Suspect single samples of the torque that stand out of all others."""
-    for torque in samples.signals[1:]:
-        away = np.abs(torque - median_filter(torque, 5, mode="nearest"))
-        reach = LIMITS.stray * np.ptp(np.quantile(torque, (0.01, 0.99)))
-        strays = _single_strays(away, max(reach, LIMITS.stray_deviations * np.median(away)))
-        if strays.size:
-            what = (
-                f"{strays.size} single samples of the torque stray, the first is {torque[strays[0]]:.4g} beside "
-                f"{torque[max(strays[0] - 1, 0)]:.4g}; mend them, or leave their cells empty"
-            )
-            samples = samples.suspecting("torque", strays, what)
-    return samples
+def find_strays(name: str, signal: FloatArray) -> Found:
+    """Single samples of the torque that stand out of all others."""
+    if name == "torque":
+        reach = np.ptp(np.quantile(signal, _NEARLY_ALL))
+        for strays, words in _single_strays(name, signal, limits.STRAY * reach):
+            yield strays, f"{words}; mend them, or leave their cells empty"
 
 
-def mark_frozen(samples: Samples) -> Samples:
-    """Suspect values that stand too long: a frozen signal, or a stand-in for what is missing."""
-    for name, signal in samples.named_signals():
-        starts, lengths, values = runs_of(signal)
-        # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
-        by_length = np.sort(lengths)
-        beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
-        apart = lengths[(lengths >= LIMITS.least_frozen) & (beneath < LIMITS.least_beneath)]
-        # A coarse signal that turns slowly goes on by one step.
-        jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
-        leap = np.maximum(jumps[:-1], jumps[1:])
-        is_leap = leap >= LIMITS.least_leap * finest_step(signal)
-        # At a limit a signal is clipped, unless it gets there at once.
-        at_end = (values == values.max()) | (values == values.min())
-        is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, (0.01, 0.99))))
+def find_frozen(name: str, signal: FloatArray) -> Found:
+    """Values that stand too long: a frozen signal, or a stand-in for what is missing."""
+    starts, lengths, values = runs_of(signal)
+    # A coarse signal stands for all lengths up to its longest; a freeze has hardly any beneath it.
+    by_length = np.sort(lengths)
+    beneath = np.searchsorted(by_length, lengths) - np.searchsorted(by_length, lengths / 2)
+    apart = lengths[(lengths >= limits.LEAST_FROZEN) & (beneath < limits.LEAST_BENEATH)]
+    # A coarse signal that turns slowly goes on by one step.
+    jumps = np.abs(np.diff(values, prepend=values[0], append=values[-1]))
+    leap = np.maximum(jumps[:-1], jumps[1:])
+    is_leap = leap >= limits.LEAST_LEAP * finest_step(signal)
+    # At a limit a signal is clipped, unless it gets there at once.
+    at_end = (values == values.max()) | (values == values.min())
+    is_leap &= ~at_end | (leap > 0.5 * np.ptp(np.quantile(signal, _NEARLY_ALL)))
+    if name == "speed":  # a motor at rest has one
+        is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
+    is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
+    for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
+        yield (
+            np.arange(start, start + length),
+            f"the {name} stands at {signal[start]:.6g} in {length} samples one after another: frozen, or a "
+            "stand-in for missing values; cut the log there",
+        )
+
+
+def find_clipped(name: str, signal: FloatArray) -> Found:
+    """Speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
+    for way in (1, -1):
+        levels, counts = np.unique(way * signal, return_counts=True)
+        if levels.size < limits.LEAST_VALUES or name == "position":
+            return
+        at = way * signal == levels[-1]
         if name == "speed":  # a motor at rest has one
-            is_leap &= np.abs(values) > 0.05 * np.abs(values).max()
-        is_frozen = is_leap & (lengths >= apart.min(initial=signal.size))
-        for start, length in zip(starts[is_frozen], lengths[is_frozen], strict=True):
-            what = (
-                f"the {name} stands at {signal[start]:.6g} in {length} samples one after another: frozen, or a "
-                "stand-in for missing values; cut the log there"
+            at &= np.abs(signal) > 0.05 * np.abs(levels).max()
+        is_held = at[2:] & at[1:-1] & at[:-2]
+        is_piled = counts[-1] > limits.LEAST_PILED * counts[-4:-1].max()
+        if is_piled and is_held.sum() > limits.MOST_CLIPPED * signal.size:
+            yield (
+                np.flatnonzero(at),
+                f"the {name} is clipped at {way * levels[-1]:.6g} in {at.sum()} samples; log it with a wider range, or "
+                "move slower",
             )
-            samples = samples.suspecting(name, slice(start, start + length), what)
-    return samples
 
 
-def mark_clipped(samples: Samples) -> Samples:
-    """Suspect a speed or torque that stops at a limit; one of coarse steps has as many samples at the next ones."""
-    for name, signal in samples.named_signals():
-        levels, counts = np.unique(signal, return_counts=True)
-        if levels.size < LIMITS.least_values or name == "position":
-            continue
-        for end, inner in ((-1, slice(-4, -1)), (0, slice(1, 4))):
-            at = signal == levels[end]
-            if name == "speed":  # a motor at rest has one
-                at &= np.abs(signal) > 0.05 * np.abs(levels).max()
-            held = at[2:] & at[1:-1] & at[:-2]
-            is_piled = counts[end] > LIMITS.least_piled * counts[inner].max()
-            if is_piled and held.sum() > LIMITS.most_clipped * signal.size:
-                what = (
-                    f"the {name} is clipped at {levels[end]:.6g} in {at.sum()} samples; "
-                    "log it with a wider range, or move slower"
-                )
-                samples = samples.suspecting(name, np.flatnonzero(at), what)
+def mark_suspects(samples: Samples) -> Samples:
+    """Suspect samples that were hardly measured; outside the turns that are used they do not matter."""
+    for find in (find_strays, find_frozen, find_clipped):
+        for name, signal in samples.named_signals():
+            for chosen, words in find(name, signal):
+                refusal = Refusal(words, row=samples.rows[chosen][0])
+                suspect = Suspect(samples.t[chosen], refusal, name != "torque")
+                samples = replace(samples, suspects=(*samples.suspects, suspect))
     return samples
 
 
@@ -119,45 +133,42 @@ def keep_new_values(samples: Samples) -> Samples:
     steps = np.diff(thinned.t) / np.median(np.diff(thinned.t))
     rate = thinned.rate_hz
     note = f"the {name} stands for {1 / slowest.mean():.2g} samples in the mean: {rate:.0f} new values a second"
-    if np.mean(np.abs(steps - 1) > 0.5) > LIMITS.most_invented:
+    if np.mean(np.abs(steps - 1) > 0.5) > limits.MOST_INVENTED:
         raise Refusal(
             f"{note}, at uneven instants; log each value when it is new, or at a fixed rate"
         )
-    least_hz = LIMITS.good_rate * samples.options.ring_hz
+    least_hz = limits.GOOD_RATE * samples.options.ring_hz
     if rate < least_hz:
-        what = f"{note}, {least_hz:.0f} are needed; log each value when it is new"
-        raise Refusal(what, Reason.TOO_SLOWLY_SAMPLED)
+        raise Refusal(
+            f"{note}, {least_hz:.0f} are needed; log each value when it is new",
+            Reason.TOO_SLOWLY_SAMPLED,
+        )
     return thinned.noting(f"{note}, which were used")
 
 
 def _is_not_held(signal: FloatArray) -> Mask:
     """Samples that do not repeat the one before, if that is no matter of coarse steps."""
     _, lengths, values = runs_of(signal)
-    usual = lengths[lengths < LIMITS.longest_hold]
-    if usual.size < LIMITS.least_samples or values.size < 2:
+    usual = lengths[lengths < limits.LONGEST_HOLD]
+    if usual.size < limits.LEAST_SAMPLES or values.size < 2:
         return np.ones(signal.size, dtype=bool)
     # A coarse signal stands where it turns slowly, and goes there by one step.
     steps = np.abs(np.diff(values))[lengths[1:] > 1]
-    is_coarse = np.sum(steps < LIMITS.least_leap * finest_step(signal)) > 0.5 * steps.size
+    is_coarse = np.sum(steps < limits.LEAST_LEAP * finest_step(signal)) > 0.5 * steps.size
     # Of coarse steps nearly all stand for a multiple of what is commonest, which is above one.
     commonest = np.bincount(usual).argmax()
-    is_regular = commonest > 1 and np.mean(usual % commonest == 0) > LIMITS.most_regular
-    is_held = np.mean(usual > 1) > LIMITS.least_held and (is_regular or not is_coarse)
+    is_regular = commonest > 1 and np.mean(usual % commonest == 0) > limits.MOST_REGULAR
+    is_held = np.mean(usual > 1) > limits.LEAST_HELD and (is_regular or not is_coarse)
     return (np.diff(signal, prepend=np.nan) != 0) | (not is_held)
 
 
 def refuse_speed_spikes(samples: Samples) -> Samples:
     """Refuse single samples of the speed that no motor could follow."""
-    v, t = samples.v, samples.t
-    usual = median_filter(v, 5, mode="nearest")
-    limit = LIMITS.spike * usual_speed(v, samples.options.expected_speed_rps)
-    strays = _single_strays(np.abs(v - usual), limit)
-    if strays.size:
-        k = strays[0]
-        cure = "mend or cut the log; of a speed differentiated by uneven stamps log the position"
+    level = usual_speed(samples.v, samples.options.expected_speed_rps)
+    for strays, words in _single_strays("speed", samples.v, limits.SPIKE * level):
         raise Refusal(
-            f"{strays.size} single samples stray from their neighbours, {v[k]:.4g} rps beside {usual[k]:.4g}, "
-            f"{t[k]:.6g} s after the first; {cure}"
+            f"{words} rps, {samples.t[strays[0]]:.6g} s after the first; mend or cut the log; of a speed "
+            "differentiated by uneven stamps log the position"
         )
     return samples
 
