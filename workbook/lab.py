@@ -1,4 +1,4 @@
-"""The student's copies of the notebooks in `lab/`: what is saved there touches no committed notebook."""
+"""JupyterLab at the student's copies of the notebooks in `lab/`: what is saved there touches no committed notebook."""
 
 import os
 import platform

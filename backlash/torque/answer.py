@@ -235,7 +235,8 @@ def _pool_intervals(
     widest = 2 * NORMAL_95 * LIMITS.most_sd * best.delta_rad
     if is_none:
         # None has no rival that is not negligible, however unlikely.
-        own[0], low, widest = 0.0, 0.0, LIMITS.negligible_rad
+        own[0] = low = 0.0
+        widest = LIMITS.negligible_rad
         high = max(own[1], *(delta for delta, *_ in minima))
     if own[1] - own[0] > widest:
         unknown = f"the backlash is not known within {LIMITS.most_sd:.0%}"
@@ -430,7 +431,8 @@ def _quantities(
 
 def _up_to_gravity(theta: FloatArray) -> FloatArray:
     """The unknowns with the stiffness up to gravity's torque, that over its wind-up, in the place of the spring's."""
-    g, K, soft = np.exp(theta[GRAVITY]), np.exp(theta[STIFFNESS]), 1e-3 * max(theta[SOFT], 0.0)
+    g, K = np.exp(theta[[GRAVITY, STIFFNESS]])
+    soft = 1e-3 * max(theta[SOFT], 0.0)
     wind_up = min(g / (theta[SHARE] * K), g / K + (1 - theta[SHARE]) * soft)
     return np.where(np.arange(theta.size) == STIFFNESS, np.log(g / wind_up), theta)
 

@@ -50,10 +50,8 @@ _NEARLY_CLOSED_RAD = 1e-7
 _LEAST_DETERMINANT = 1e-9  # below, turns hardly say where an orbit closes
 _BEGIN = np.eye(2, 3 + OF_CONTACT, 1)  # x and x', with their slopes by themselves
 _LEAST_LEFT = 0.2  # the gain of a running mean below which it is not undone
-_MOST_STARTS, _LEAST_GAIN = (
-    3,
-    0.03,
-)  # of strokes: trials, and the share of chi squared that asks for another
+_MOST_STARTS = 3  # of strokes, that are tried
+_LEAST_GAIN = 0.03  # of chi squared, by which a start is tried again
 
 
 class Stroke(NamedTuple):
@@ -240,7 +238,9 @@ def _simulate_turn(theta, h, motion, forcing, state, waves):
     # In the order of the unknowns.
     joint = (1e-3 * theta[DELTA], K, D, 1e-3 * theta[SOFT], theta[SHARE], theta[DRAG])
     columns = state.shape[1]
-    slope, own, source = np.zeros(6), np.zeros(13), np.zeros(13)
+    slope = np.zeros(6)
+    own = np.zeros(13)
+    source = np.zeros(13)
     x, v = state[0, 0], state[1, 0]
     for i in range(waves.shape[1]):
         cosine, sine = forcing[1, i], forcing[2, i]
