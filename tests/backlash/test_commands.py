@@ -85,14 +85,20 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
         ("- --turn-period 0.4", "(the standard input) goes alone"),
         ("other.csv --turn-period 0.4 --plot fit.png", "--plot: 2 logs; it shows one"),
         ("--turn-period 0.4 --out no/answers.csv", "name a file in a folder that you may write"),
+        ("--turn-period 0.4 --out A10.csv", "one of the inputs"),
+        ("--turn-period 0.4 --out mine.csv", "holds no answers of a run before"),
     ],
 )
-def test_what_is_wrong_is_one_line_and_status_2(log, options, words, capsys, monkeypatch):
-    monkeypatch.chdir(log.parent)
+def test_what_is_wrong_is_one_line_and_status_2_and_overwrites_nothing(
+    log, options, words, capsys, monkeypatch
+):
+    monkeypatch.chdir(file(log.parent, "mine", "mine.csv.kept").parent)
+    before = log.read_bytes()
     assert command("estimate", log, options) == 2
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
+    assert log.read_bytes() == before
 
 
 def test_of_many_logs_unusable_ones_are_counted_and_if_all_are_the_first_says_why(log, capsys):
@@ -100,16 +106,6 @@ def test_of_many_logs_unusable_ones_are_counted_and_if_all_are_the_first_says_wh
     assert "1 of 2 logs are not usable" in capsys.readouterr().err
     assert command("estimate missing.csv gone.csv --jobs 1", SPEED) == 2
     assert "none of 2 logs is usable; the first: missing.csv: No" in capsys.readouterr().err
-
-
-def test_an_input_is_never_overwritten(log, capsys):
-    before = log.read_bytes()
-    assert command("estimate", log, SPEED, "--out", log) == 2
-    assert "one of the inputs" in capsys.readouterr().err
-    assert log.read_bytes() == before
-    file(log.parent, "mine", "answers.csv.kept")
-    assert command("estimate", log, SPEED, "--out", log.with_name("answers.csv")) == 2
-    assert "holds no answers of a run before" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

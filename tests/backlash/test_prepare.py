@@ -140,6 +140,9 @@ SOUND = {
     ),
     "a smooth speed": frame(SMOOTH),
     "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[1000] + 0.001)),
+    "a torque that is at its limit for six samples": frame(
+        torque=changed(TORQUE, slice(700, 706), TORQUE.max())
+    ),
     "impacts that are sampled once": frame(torque=TORQUE + 25 * (K % 200 == 7)),
     "stamps half a period beside whole milliseconds": frame(t=(T + 5e-4).round(3)),
 }

@@ -12,7 +12,7 @@ import backlash
 from backlash import Reason
 from backlash.load_data import LoadData, load_from_masses
 from backlash.torque import answer as rules
-from backlash.torque.problem import measure_turn, state_problem
+from backlash.torque.problem import Problem, measure_turn, state_problem
 from backlash.torque.search import evaluate
 from replication.files import ROOT
 from replication.joint import GRAVITY
@@ -38,21 +38,22 @@ def plain() -> JointLog:
     return draw_plain()
 
 
-@pytest.fixture(scope="module")
-def answered(plain) -> backlash.Estimate:
-    return answer(plain)
+def state(log: JointLog) -> Problem:
+    """What is compared of a log, with what is given of its load."""
+    speed = float(log.v.mean())
+    record = Recording(log.t, log.v, speed, log.gear_ratio / speed, "made")
+    given = LoadData(log.inertia_ratio, log.gravity_per_s2)
+    return state_problem(measure_turn(record, log.torque), given)
 
 
-def test_the_backlash_the_loss_and_the_friction_are_within_their_intervals(answered):
+def test_an_answer_has_the_truth_within_its_intervals_and_shows_what_it_rests_on(plain):
+    answered = answer(plain)
     assert is_covered(answered, DELTA)
     loss, sd = answered.joint["loss"]
     assert loss == pytest.approx(0.1, abs=max(3 * sd, 0.02))
     friction, _ = answered.joint["friction_share"]
     assert friction == pytest.approx(0.15, abs=0.05)
     assert answered.chi_squared < 1.5
-
-
-def test_the_answer_shows_what_it_rests_on(plain, answered):
     text = str(answered)
     for words in ("gear efficiency 0.9", "as in the data sheet?", "chi squared", "stiffness"):
         assert words in text
@@ -315,11 +316,7 @@ def test_under_other_kernels_the_known_answer_is_so_to_1e_9_by_ratios_or_by_mass
 
 def test_misfit_interval_and_quantities_of_a_known_joint_are_the_known_ones(plain):
     """A constant of the method that moves them by a millionth shows, whichever kernel computes."""
-    speed = float(plain.v.mean())
-    record = Recording(plain.t, plain.v, speed, plain.gear_ratio / speed, "plain")
-    turn = measure_turn(record, plain.torque)
-    load = LoadData(plain.inertia_ratio, plain.gravity_per_s2)
-    made = state_problem(turn, load)
+    made = state(plain)
     joint = [0.985, 10.71, -3.96, 0.01, 0.55, 0.18, 0.18, -2.025, 3.475, 0.57, 0.85, -0.897]
     load_given = evaluate(made, np.array([*joint, 0.49, 0.1, 0.2]))
     assert load_given.chi2 == pytest.approx(192.9849264, rel=1e-8)

@@ -285,14 +285,6 @@ def test_a_prior_is_of_distances_over_sds_with_their_slopes(friction, soft):
         assert problem.prior_residuals(theta)[SOFT] == pytest.approx(both)
 
 
-def test_a_descent_may_try_a_spring_that_no_number_holds():
-    theta = a_problem().prior.mean
-    theta[[SOFT, SHARE, STIFFNESS]] = 0.2, 0.6, 2000.0
-    assert wind_up_share(theta)[0] == pytest.approx(1.0)
-    theta[SOFT] = 0.0
-    assert wind_up_share(theta)[0] == 0.0
-
-
 def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
     t = np.arange(round(12 * period_s * hertz)) / hertz
     angle = TURN * t / period_s
