@@ -30,7 +30,6 @@ from backlash.torque.problem import (
     prior_chi_squared,
     round_below_noise,
     weigh_prior,
-    wind_up_share,
 )
 from backlash.torque.search import Candidate, Move, distinct, move
 from backlash.torque.unknowns import NAMES
