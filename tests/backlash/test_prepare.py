@@ -18,9 +18,8 @@ BURSTS = K // 2 * 4e-3 + K % 2 * 1e-4
 
 
 def frame(v=V, torque=TORQUE, t=None):
-    """A log of speed and torque, each 2 ms."""
-    t = 2e-3 * np.arange(len(v)) if t is None else t
-    return logs.frame(v, t, torque=np.resize(torque, len(t)))
+    """A log of speed and torque."""
+    return logs.frame(v, t, torque=np.resize(torque, len(v if t is None else t)))
 
 
 def changed(signal, at, to):
@@ -160,7 +159,7 @@ def test_a_fine_position_that_gains_speed_from_rest_is_not_interpolated(bits):
     t = 2e-3 * np.arange(4000)
     v = np.clip(80 * (t - 0.3) / 0.7, 0, 80) + 0.1 * np.sin(2 * np.pi * t / 0.8)
     counts = np.floor(np.cumsum(v) * 2e-3 * 2**bits) + RNG.integers(0, 2, t.size) * (t < 0.3)
-    log = logs.frame(counts, t, "position")
+    log = logs.frame(counts, name="position")
     assert read(log, turn_period_s=0.8, counts_per_turn=2.0**bits).recording.t[-1] > 6
 
 

@@ -17,6 +17,7 @@ from backlash.torque.load import (
     FILTER,
     FRICTION,
     LOSS,
+    OF_CONTACT,
     SOFT,
     STIFFNESS,
     predict,
@@ -54,6 +55,14 @@ def test_slopes_are_those_of_differences(turn, place):
     expected = (ahead - back) / 2e-5
     slopes = driven_load.differentiate(here, window)[0][:, place]
     assert slopes == pytest.approx(expected, abs=1e-4 * np.abs(expected).max() + 1e-6)
+
+
+def test_the_orbits_start_moves_as_its_slopes_say(turn):
+    window, theta, here = turn
+    step = 1e-6 * (np.arange(theta.size) < OF_CONTACT)
+    ahead, back = (predict(theta + each, window).start for each in (step, -step))
+    slopes = driven_load.differentiate(here, window)[1]
+    assert (ahead - back) / 2e-6 == pytest.approx(slopes.sum(axis=1), rel=1e-3)
 
 
 @pytest.mark.parametrize("ln_stiffness", [-1e5, -2e3, 1e4, np.nan])
