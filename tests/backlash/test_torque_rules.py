@@ -1,6 +1,7 @@
 """What the torque's fit decides and refuses, from numbers that are given."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -54,28 +55,22 @@ def of_hundred_numbers(sd):
 @pytest.fixture
 def decide(monkeypatch):
     """What `fit_torque` makes of candidates whose misfits are of 100 numbers, with an SD of the gap [mrad]."""
-    held = []
+    state = Mock(return_value=of_hundred_numbers(np.ones(len(NAMES))))
+    movement = SimpleNamespace(gear_ratio=1.0, strokes="")
     for name, result in {
         "check_movement": None,
         "_refuse_mean": None,
         "_check_joint": None,
         "_check_speed": None,
         "_quantities": {},
-        "measure": (
-            SimpleNamespace(movement=SimpleNamespace(gear_ratio=1.0, strokes="")),
-            lambda *_, **__: of_hundred_numbers(np.ones(len(NAMES))),
-            lambda *_: None,
-        ),
+        "measure": (SimpleNamespace(movement=movement), state, Mock()),
     }.items():
-        monkeypatch.setattr(rules, name, lambda *_, result=result, **__: result)
+        monkeypatch.setattr(rules, name, Mock(return_value=result))
 
     def answer(*candidates, of_held=1e3, sd_mrad=0.03):
-        def hold(problem, best, delta_mrad, target):
-            held.append(delta_mrad)
-            return candidate(delta_mrad, of_held)
-
         variances = np.ones(len(NAMES))
         variances[DELTA] = sd_mrad**2
+        hold = Mock(return_value=candidate(0.0, of_held))
         monkeypatch.setattr(rules, "_covariance", lambda *_: np.diag(variances))
         monkeypatch.setattr(rules, "search", lambda *_: list(candidates))
         monkeypatch.setattr(rules, "hold_delta", hold)
@@ -83,7 +78,7 @@ def decide(monkeypatch):
             fit = rules.fit_torque(None, np.zeros(1), None)
         except Refusal as refusal:
             return refusal.reason
-        return fit, held[-1]
+        return fit, hold.call_args.args[2]
 
     return answer
 
