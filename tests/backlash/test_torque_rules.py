@@ -31,6 +31,7 @@ from backlash.torque.problem import (
     prior_chi_squared,
     round_below_noise,
     weigh_prior,
+    wind_up_share,
 )
 from backlash.torque.search import Candidate, Move, distinct, move
 from backlash.torque.unknowns import NAMES
@@ -269,6 +270,12 @@ def test_a_prior_is_of_distances_over_sds_with_their_slopes(friction, soft):
         assert problem.prior_residuals(theta)[SOFT] == pytest.approx(both)
 
 
+def test_a_joint_without_a_soft_part_may_have_a_spring_that_no_number_holds():
+    theta = a_problem().prior.mean
+    theta[STIFFNESS] = 2000.0
+    assert wind_up_share(theta)[0] == 0.0
+
+
 def measured_record(period_s, hertz=1000, mean=2.0, noise=0.0, gear_ratio=30.0):
     t = np.arange(round(12 * period_s * hertz)) / hertz
     angle = TURN * t / period_s
@@ -314,8 +321,7 @@ def test_harmonics_are_rounded_below_their_noise_and_no_last_bit_moves_them():
     assert made.sd == pytest.approx(np.full(41, 0.1), rel=0.04)
     assert made.coefficient[-1] == 0
     nearly = exact._replace(coefficient=(1 + 1e-9) * exact.coefficient, sd=(1 - 1e-9) * exact.sd)
-    np.testing.assert_array_equal(round_below_noise(nearly).coefficient, made.coefficient)
-    np.testing.assert_array_equal(round_below_noise(nearly).sd, made.sd)
+    np.testing.assert_equal(round_below_noise(nearly), made)
     # Without noise nothing is lost but the digits of which the model errs by more.
     noiseless = round_below_noise(exact._replace(sd=np.zeros(41)))
     assert noiseless.coefficient == pytest.approx(exact.coefficient, rel=2.5e-4)
