@@ -56,7 +56,7 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
 ):
     out, link = tmp_path / f"answers.{ending}", tmp_path / f"link.{ending}"
     link.symlink_to(out)
-    read = {"csv": pd.read_csv, "parquet": pd.read_parquet}[ending]
+    read = getattr(pd, f"read_{ending}")
     for _ in range(2):  # which is no log the second time
         assert command("estimate", tmp_path, SPEED, "--out", link) == 0
     table = read(out)

@@ -70,6 +70,7 @@ REFUSED = {
     "the speed is clipped at 100.2 in": frame(np.minimum(V, 100.2)),
     "the motor makes 0.67 turns in a load turn of 0.4 s": frame(V / 60),
     "run backward (0 s follow 4.8 s after the first; 1 such rows)": frame(t=np.append(T, T)),
+    "start anew or run backward": frame(t=T[::-1]),
     "repeats the one before with other values": frame(t=np.floor(250 * T) / 250),
     "sampled at 10 Hz by its time stamps; a ring of 21 Hz": frame(t=0.1 * K),
     "are the stamps in s? if not, give --time-unit; if they count samples, --rate": frame(
