@@ -221,8 +221,9 @@ def test_beside_a_position_the_torque_is_kept_as_it_was_logged(width, words):
         (-(2**20), 1, {"counts_per_turn": 2.0**20}),
         (1000, 10, {"counts_per_turn": 1000}),
         (4000, 25, {"counts_per_turn": 4000}),
-        # A fifth of a turn a sample: most of a round, which a commanded speed tells.
+        # A fifth of a turn a sample: most of a round, which a commanded speed tells either way.
         (2**12, 1 / 4, {"counts_per_turn": 2.0**12, "commanded_speed_rps": 101.5}),
+        (-(2**12), 1 / 4, {"counts_per_turn": 2.0**12, "commanded_speed_rps": 101.5}),
     ],
 )
 def test_a_position_that_starts_anew_is_unwrapped_and_differentiated(per_turn, modulus, given):
