@@ -18,6 +18,7 @@ from backlash.log_list import find_logs, read_batch
 from tests.logs import command, file, noisy, write
 
 HOW = {"turn_period_s": 0.4}
+FULL = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
 CSV = (
     "file,joint,date,turn_period_s,torque,trust_period,remark\n"
     "a.csv,007,2024-03-17,0.4,3,no,left arm\n,=1+1,,?,,,\nc.csv,,2024-13-45,,,,\nd.csv,,,0.4,,maybe,\n"
@@ -115,9 +116,8 @@ def test_on_a_full_disk_no_table_is_written_and_the_same_command_goes_on(
 ):
     out = tmp_path / "answers.csv"
     words = f"estimate --turn-period 0.4 --jobs 1 --batch {plant} --out {out}"
-    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
     with monkeypatch.context() as disk:
-        disk.setattr(estimate_logs, "write_csv", full)
+        disk.setattr(estimate_logs, "write_csv", FULL)
         assert command(words) == 1
     assert capfd.readouterr().err.splitlines() == [
         "the answer cannot be written (No space left on device)"
@@ -130,8 +130,7 @@ def test_on_a_full_disk_no_table_is_written_and_the_same_command_goes_on(
 
 
 def test_a_full_disk_is_no_defect_of_the_log_that_is_read(monkeypatch):
-    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
-    monkeypatch.setattr(estimates, "examine", full)
+    monkeypatch.setattr(estimates, "examine", FULL)
     with pytest.raises(OSError, match="No space left"):
         dict(batch.run_batch(read_batch(["a.csv", "b.csv"], HOW), 1))
 

@@ -13,6 +13,7 @@ from replication.files import ROOT
 from tests.logs import command, file, noisy, write
 
 SPEED = "--turn-period 0.4"
+RATIOS = "--torque 3 --gear-ratio 100 --inertia-ratio 2 --gravity 30"
 MASSES = (
     "--torque 3 --gear-ratio 100 --motor-inertia 1e-4 --load-mass 20 --load-arm 0.4 --load-inertia"
 )
@@ -55,7 +56,7 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
 ):
     out, link = tmp_path / f"answers.{ending}", tmp_path / f"link.{ending}"
     link.symlink_to(out)
-    read = {"csv": pd.read_csv, "parquet": pd.read_parquet}[ending]
+    read = getattr(pd, f"read_{ending}")
     for _ in range(2):  # which is no log the second time
         assert command("estimate", tmp_path, SPEED, "--out", link) == 0
     table = read(out)
@@ -77,6 +78,12 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
         ("--turn-period 0.4 --speed a --position b", "give one of them"),
         ("--turn-period 0.4 --from nan", "give seconds, the end after the start"),
         ("--turn-period 0.4 --gravity 30", "give --torque and --inertia-ratio too"),
+        (f"{RATIOS} --inertia-ratio 0", "above 0"),
+        (f"{RATIOS} --gravity nan", "above 0"),
+        (f"{RATIOS} --inertia-sd -0.1", "above 0"),
+        (f"{RATIOS} --gravity-sd 10", "above 0"),
+        ("--torque 3 --gear-ratio 9 --load-mass 1", "give --motor-inertia and --load-arm too"),
+        (f"{MASSES} 4 --inertia-ratio 2", "by its ratios or by its masses"),
         (f"{MASSES} 1", "its mass at its arm alone has 3.2 kg m^2"),
         (f"{MASSES} 4 --gear-ratio 1", "give the load by --inertia-ratio and --gravity, not by"),
         ("--turn-period 0.4 --out log.txt", "its name must end in"),
@@ -85,14 +92,20 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
         ("- --turn-period 0.4", "(the standard input) goes alone"),
         ("other.csv --turn-period 0.4 --plot fit.png", "--plot: 2 logs; it shows one"),
         ("--turn-period 0.4 --out no/answers.csv", "name a file in a folder that you may write"),
+        ("--turn-period 0.4 --out A10.csv", "one of the inputs"),
+        ("--turn-period 0.4 --out mine.csv", "holds no answers of a run before"),
     ],
 )
-def test_what_is_wrong_is_one_line_and_status_2(log, options, words, capsys, monkeypatch):
-    monkeypatch.chdir(log.parent)
+def test_what_is_wrong_is_one_line_and_status_2_and_overwrites_nothing(
+    log, options, words, capsys, monkeypatch
+):
+    monkeypatch.chdir(file(log.parent, "mine", "mine.csv.kept").parent)
+    before = log.read_bytes()
     assert command("estimate", log, options) == 2
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1
+    assert log.read_bytes() == before
 
 
 def test_of_many_logs_unusable_ones_are_counted_and_if_all_are_the_first_says_why(log, capsys):
@@ -100,16 +113,6 @@ def test_of_many_logs_unusable_ones_are_counted_and_if_all_are_the_first_says_wh
     assert "1 of 2 logs are not usable" in capsys.readouterr().err
     assert command("estimate missing.csv gone.csv --jobs 1", SPEED) == 2
     assert "none of 2 logs is usable; the first: missing.csv: No" in capsys.readouterr().err
-
-
-def test_an_input_is_never_overwritten(log, capsys):
-    before = log.read_bytes()
-    assert command("estimate", log, SPEED, "--out", log) == 2
-    assert "one of the inputs" in capsys.readouterr().err
-    assert log.read_bytes() == before
-    file(log.parent, "mine", "answers.csv.kept")
-    assert command("estimate", log, SPEED, "--out", log.with_name("answers.csv")) == 2
-    assert "holds no answers of a run before" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

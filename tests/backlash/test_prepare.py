@@ -18,9 +18,8 @@ BURSTS = K // 2 * 4e-3 + K % 2 * 1e-4
 
 
 def frame(v=V, torque=TORQUE, t=None):
-    """A log of speed and torque, each 2 ms."""
-    t = 2e-3 * np.arange(len(v)) if t is None else t
-    return logs.frame(v, t, torque=np.resize(torque, len(t)))
+    """A log of speed and torque."""
+    return logs.frame(v, t, torque=np.resize(torque, len(v if t is None else t)))
 
 
 def changed(signal, at, to):
@@ -74,8 +73,9 @@ REFUSED = {
     "start anew or run backward": frame(t=T[::-1]),
     "repeats the one before with other values": frame(t=np.floor(250 * T) / 250),
     "sampled at 10 Hz by its time stamps; a ring of 21 Hz": frame(t=0.1 * K),
-    "are the stamps in s? if not, give --time-unit": frame(t=T * 1e-6),
-    "if they count samples, --rate": frame(t=K),
+    "are the stamps in s? if not, give --time-unit; if they count samples, --rate": frame(
+        t=T * 1e-6
+    ),
     "samples a second: give --rate 500": frame(t=BURSTS),
     "would be invented": frame()[np.random.default_rng(5).random(T.size) > 0.2],
     "too short: 0.01 s in 6 samples; 4 load turns are needed": frame(V[:6]),
@@ -140,6 +140,9 @@ SOUND = {
     ),
     "a smooth speed": frame(SMOOTH),
     "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[1000] + 0.001)),
+    "a torque that is at its limit for six samples": frame(
+        torque=changed(TORQUE, slice(700, 706), TORQUE.max())
+    ),
     "impacts that are sampled once": frame(torque=TORQUE + 25 * (K % 200 == 7)),
     "stamps half a period beside whole milliseconds": frame(t=(T + 5e-4).round(3)),
 }
@@ -157,7 +160,7 @@ def test_a_fine_position_that_gains_speed_from_rest_is_not_interpolated(bits):
     t = 2e-3 * np.arange(4000)
     v = np.clip(80 * (t - 0.3) / 0.7, 0, 80) + 0.1 * np.sin(2 * np.pi * t / 0.8)
     counts = np.floor(np.cumsum(v) * 2e-3 * 2**bits) + RNG.integers(0, 2, t.size) * (t < 0.3)
-    log = logs.frame(counts, t, "position")
+    log = logs.frame(counts, name="position")
     assert read(log, turn_period_s=0.8, counts_per_turn=2.0**bits).recording.t[-1] > 6
 
 
@@ -175,12 +178,6 @@ def test_of_held_values_the_new_ones_are_used_where_they_come_often_enough():
     np.testing.assert_array_equal(log.signals, [V, TORQUE])
     words = "the speed stands for 3 samples in the mean: 500 new values a second, which were used"
     assert words in log.notes
-
-
-def test_a_commanded_speed_checks_and_changes_nothing():
-    plain, checked = (read(frame(), commanded_speed_rps=each).recording for each in (None, 101.5))
-    assert checked.commanded_speed_rps == plain.commanded_speed_rps
-    np.testing.assert_array_equal(checked.v, plain.v)
 
 
 def mean_of(width: int) -> np.ndarray:
@@ -224,20 +221,18 @@ def test_beside_a_position_the_torque_is_kept_as_it_was_logged(width, words):
         (-(2**20), 1, {"counts_per_turn": 2.0**20}),
         (1000, 10, {"counts_per_turn": 1000}),
         (4000, 25, {"counts_per_turn": 4000}),
+        # A fifth of a turn a sample: most of a round, which a commanded speed tells either way.
+        (2**12, 1 / 4, {"counts_per_turn": 2.0**12, "commanded_speed_rps": 101.5}),
+        (-(2**12), 1 / 4, {"counts_per_turn": 2.0**12, "commanded_speed_rps": 101.5}),
     ],
 )
 def test_a_position_that_starts_anew_is_unwrapped_and_differentiated(per_turn, modulus, given):
     position = per_turn * (TURNS % modulus if modulus else TURNS)
     log = read(logs.frame(position, name="position"), **given)
     np.testing.assert_allclose(log.recording.v, V[1:], atol=1e-4)
+    assert log.recording.commanded_speed_rps == pytest.approx(V[1:].mean())
     note = f"starts anew every {modulus} motor turns: unwrapped"
     assert any(note in each for each in log.notes) == bool(modulus)
-
-
-def test_a_commanded_speed_resolves_an_encoder_that_wraps_faster_than_it_is_sampled():
-    log = logs.frame(3.5 * TURNS % 1.0, name="position [turns]")  # 0.7 turns a sample
-    recording = read(log, commanded_speed_rps=350.0).recording
-    np.testing.assert_allclose(recording.v, 3.5 * V[1:], atol=1e-6)
 
 
 def test_a_fast_log_is_averaged_down_and_of_a_long_one_sixty_turns_are_used():

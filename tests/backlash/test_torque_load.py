@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from backlash import turns
-from backlash.load_data import LoadData
 from backlash.torque import load as driven_load
 from backlash.torque.load import (
     DELAY,
@@ -17,30 +16,21 @@ from backlash.torque.load import (
     DRAG,
     FILTER,
     FRICTION,
-    GRAVITY,
-    LAG,
     LOSS,
     OF_CONTACT,
-    PHASE,
     SOFT,
     STIFFNESS,
     predict,
 )
-from backlash.torque.problem import measure_turn, state_problem
 from backlash.torque.search import descend, evaluate, hold_delta
 from backlash.torque.unknowns import FIRST_STEP, NAMES
-from replication.records import Recording
-from studies.simulated_joints import draw_log
+from tests.backlash.test_torque_answer import draw_plain, state
 
 
 @pytest.fixture(scope="module")
 def problem():
     """What is compared of a drawn joint, and unknowns near it."""
-    log = draw_log(np.random.default_rng(4), 9e-4, 0.2, 0.1)
-    speed = float(log.v.mean())
-    record = Recording(log.t, log.v, speed, log.gear_ratio / speed, "made")
-    given = LoadData(log.inertia_ratio, log.gravity_per_s2)
-    made = state_problem(measure_turn(record, log.torque), given)
+    made = state(draw_plain())
     theta = made.prior.mean.copy()
     theta[[DELTA, FRICTION, LOSS, DRAG]] = 0.9, 0.2, 0.1, 0.3
     theta[[SOFT, FILTER, DELAY]] = 0.2, 2.0, 0.5
@@ -76,11 +66,11 @@ def test_the_orbits_start_moves_as_its_slopes_say(turn):
 
 
 @pytest.mark.parametrize("ln_stiffness", [-1e5, -2e3, 1e4, np.nan])
-def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(turn, ln_stiffness):
-    window, theta, _ = turn
+def test_a_trial_stiffness_beyond_all_numbers_has_no_orbit_and_is_no_defect(problem, ln_stiffness):
+    made, theta = problem
     far = np.where(np.arange(theta.size) == STIFFNESS, ln_stiffness, theta)
     with np.errstate(all="ignore"):
-        assert predict(far, window, np.zeros(2)) is None
+        assert evaluate(made, far, np.zeros(2)).predicted is None
 
 
 def test_a_gap_that_is_held_stays_while_all_else_moves(problem):
@@ -171,16 +161,6 @@ def test_the_motion_is_that_of_the_speeds_harmonics_in_the_middle_of_each_step()
     np.testing.assert_allclose(made.own_variance, own, rtol=1e-9)
 
 
-def test_gravity_and_friction_force_the_load_at_the_measured_angle():
-    made, theta = a_comparison(), some_unknowns()
-    angle_by_lag, acceleration, acceleration_by_lag = made.motion
-    q = np.angle(made.direction) + theta[LAG] * angle_by_lag + theta[PHASE]
-    g = np.exp(theta[GRAVITY])
-    force = acceleration + theta[LAG] * acceleration_by_lag + g * (np.sin(q) + theta[FRICTION])
-    expected = [force, g * np.cos(q), g * np.sin(q)]
-    np.testing.assert_allclose(driven_load._force_load(theta, made), expected, atol=1e-7 * g)
-
-
 def test_torque_and_sd_are_those_of_the_harmonics_by_hand():
     made, theta = a_comparison(), some_unknowns()
     here = predict(theta, made)
@@ -263,9 +243,3 @@ def test_compiled_code_that_is_cached_holds_no_other_files_constants(name):
             value = each.__globals__.get(read)
             is_own = read in own or getattr(value, "__module__", None) == name
             assert value is None or inspect.ismodule(value) or is_own, (each.__name__, read)
-
-
-def test_each_place_is_that_of_the_unknown_in_the_table():
-    for name, place in vars(driven_load).items():
-        if name.isupper() and isinstance(place, int) and not name.startswith(("_", "OF_")):
-            assert name.lower() in NAMES[place]
