@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from replication.files import as_json, write_files
 from workbook import ROOT, certificate, execution, outcomes, stamps
 from workbook import project as project_module
 
@@ -51,6 +52,22 @@ def project(tmp_path, work_on):
         return tmp_path
 
     return write
+
+
+@pytest.fixture
+def leave_run():
+    """Leave what a run of a notebook leaves: its results, by file, its record, and a stamp."""
+
+    def leave(name, said, made, read=()):
+        root = stamps.ROOT
+        code = stamps.digest_code(root / "notebooks" / f"{name}.py")
+        read = {each: stamps.sha256(root / each) for each in read}
+        record = stamps.record_file(name)
+        contents = {root / each: content for each, content in made.items()}
+        write_files(contents | {record: as_json(stamps.add_record(said, code, read, made))})
+        stamps.stamp_file(name).write_bytes(stamps.new_stamp(record, 12.3))
+
+    return leave
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from replication import records
-from replication.files import DataUnavailable, UserError, as_json, write_files, write_kept
+from replication.files import DataUnavailable, UserError, write_files, write_kept
 from workbook import certificate, judging, stamps
 
 NAMES = ("01_one", "02_two")
@@ -28,19 +28,8 @@ def git(folder, *words):
     subprocess.run(["git", *who, *words], cwd=folder, check=True)
 
 
-def leave(folder, name):
-    """What a run of a notebook leaves."""
-    made = {f"figures/{name}.svg": b"a figure", f"notebooks/{name}.ipynb": b"a notebook"}
-    said = {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}
-    code = stamps.digest_code(folder / "notebooks" / f"{name}.py")
-    record = stamps.record_file(name)
-    contents = made | {record: as_json(stamps.add_record(said, code, {}, made))}
-    write_files({folder / each: content for each, content in contents.items()})
-    stamps.stamp_file(name).write_bytes(stamps.new_stamp(record, 12))
-
-
 @pytest.fixture(params=["alone", "inside another repository"])
-def clone(request, project, monkeypatch, tmp_path, work_on):
+def clone(request, project, monkeypatch, tmp_path, work_on, leave_run):
     """A clone of two notebooks that ran here and a report, committed, with a kept table."""
     folder = project(**dict.fromkeys(NAMES, "# %%\n"))
     if request.param != "alone":
@@ -52,7 +41,8 @@ def clone(request, project, monkeypatch, tmp_path, work_on):
     (folder / "tools" / "kept.py").write_text("print('x,y')\nprint('1,a')\n")
     write_kept(folder / "results" / "table.csv", pd.DataFrame({"x": [2, 1], "y": ["b", "a"]}))
     for name in NAMES:
-        leave(folder, name)
+        made = {f"figures/{name}.svg": b"a figure", f"notebooks/{name}.ipynb": b"a notebook"}
+        leave_run(name, {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}, made)
     report = {folder / "results" / "report.md": b"a report\n"}
     write_files(report)
     git(tmp_path, "init", "-q")
