@@ -12,14 +12,7 @@ from workbook import certificate, judging, stamps
 
 NAMES = ("01_one", "02_two")
 VERDICTS = pd.DataFrame(
-    [
-        ("agrees", "01_one"),
-        ("agrees weakly", "02_two"),
-        ("consistent", "01_one"),
-        ("differs", "02_two"),
-        ("not tested", "02_two"),
-    ],
-    columns=["grade", "notebook"],
+    {"grade": judging.GRADES, "notebook": ["01_one", "02_two", "01_one", "02_two", "02_two"]}
 )
 
 
@@ -28,14 +21,10 @@ def git(folder, *words):
     subprocess.run(["git", *who, *words], cwd=folder, check=True)
 
 
-@pytest.fixture(params=["alone", "inside another repository"])
-def clone(request, project, monkeypatch, tmp_path, work_on, leave_run):
+@pytest.fixture(params=["project", "."], ids=["alone", "inside another repository"])
+def clone(request, project, monkeypatch, tmp_path, leave_run):
     """A clone of two notebooks that ran here and a report, committed, with a kept table."""
     folder = project(**dict.fromkeys(NAMES, "# %%\n"))
-    if request.param != "alone":
-        folder = shutil.copytree(folder, tmp_path / "inner", ignore=lambda *_: ["inner"])
-        (tmp_path / ".gitignore").write_text("/notebooks\n/tools\n/results\n/.make\n/*.*\n")
-        work_on(folder)
     (folder / "README.md").write_text("A readme.\n")
     (folder / ".gitignore").write_text(".make\n__pycache__\n")
     (folder / "tools" / "kept.py").write_text("print('x,y')\nprint('1,a')\n")
@@ -45,9 +34,9 @@ def clone(request, project, monkeypatch, tmp_path, work_on, leave_run):
         leave_run(name, {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}, made)
     report = {folder / "results" / "report.md": b"a report\n"}
     write_files(report)
-    git(tmp_path, "init", "-q")
-    git(tmp_path, "add", "-A")
-    git(tmp_path, "commit", "-q", "-m", "made")
+    git(tmp_path / request.param, "init", "-q")
+    git(folder, "add", "-A")
+    git(folder, "commit", "-q", "-m", "made")
     monkeypatch.setattr(certificate, "make_report", lambda: report)
     monkeypatch.setattr(judging, "verdicts", lambda: VERDICTS)
     return folder

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import sys
 import tomllib
 import venv
@@ -9,6 +10,7 @@ from unittest.mock import Mock, call
 
 import pytest
 
+from replication.files import write_text
 from workbook import ROOT, install
 
 
@@ -24,11 +26,9 @@ def folder(tmp_path, monkeypatch):
 def add_package(name, version, module="broken.py"):
     """Install a package whose import fails into .venv."""
     about = install.SITE / f"{name}-{version}.dist-info"
-    about.mkdir(parents=True)
-    (about / "METADATA").write_text(f"Name: {name}\nVersion: {version}\n")
-    (about / "RECORD").write_text(f"{module},,\n")
-    (install.SITE / module).parent.mkdir(exist_ok=True)
-    (install.SITE / module).write_text("1 / 0")
+    write_text(about / "METADATA", f"Name: {name}\nVersion: {version}\n")
+    write_text(about / "RECORD", f"{module},,\n")
+    write_text(install.SITE / module, "1 / 0")
 
 
 @pytest.mark.parametrize("is_there", [True, False])
@@ -63,15 +63,16 @@ def test_what_is_promised_is_looked_for_in_the_locked_version_and_imported(folde
     assert install.find_lacking("one") == "broken is not there in the locked version"
 
 
-@pytest.mark.parametrize("kind", ["another's", "a file", "a link to nowhere"])
-def test_an_environment_that_is_not_ours_is_left_as_it_is(folder, kind):
-    if kind == "another's":
-        (folder / ".venv" / "bin").mkdir(parents=True)
-        (folder / ".venv" / "notes.txt").write_text("mine")
-    elif kind == "a file":
-        (folder / ".venv").touch()
-    else:
-        (folder / ".venv").symlink_to(folder / "nowhere")
+NOT_OURS = {
+    "another's": lambda: write_text(install.VENV / "notes.txt", "mine"),
+    "a file": lambda: install.VENV.touch(),
+    "a link to nowhere": lambda: install.VENV.symlink_to("nowhere"),
+}
+
+
+@pytest.mark.parametrize("make", NOT_OURS.values(), ids=NOT_OURS)
+def test_an_environment_that_is_not_ours_is_left_as_it_is(folder, make):
+    make()
     before = sorted(folder.rglob("*"))
     with pytest.raises(SystemExit, match=r"^\.venv: not made by this Makefile"):
         install.clear_environment()
@@ -148,7 +149,6 @@ def test_every_group_of_the_project_is_in_the_lock():
     of_uv, others = install.split_lock(lock)
     assert of_uv.startswith("uv==")
     assert sorted((of_uv + others).splitlines()) == sorted(lock.splitlines())
-    for group in groups:
-        for each in install.in_group(groups, group):
-            name = install.re.match("[A-Za-z0-9-]+", each)[0].lower()
-            assert f"\n{name}==" in f"\n{lock}", each
+    asked = [each for group in groups for each in install.in_group(groups, group)]
+    names = {re.match("[A-Za-z0-9-]+", each)[0].lower() for each in asked}
+    assert names <= {*re.findall(r"(?m)^(.+)==", lock)}

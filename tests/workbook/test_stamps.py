@@ -72,9 +72,7 @@ def test_a_new_module_makes_it_due_and_a_setting_too(made, work_on):
     [".#rules.py", "rules.py~", "rules copy.py", "__pycache__/rules.cpython-311.pyc", ".DS_Store"],
 )
 def test_what_nothing_can_import_or_name_is_no_input(made, name):
-    file = made / "tools" / name
-    file.parent.mkdir(exist_ok=True)
-    file.write_text("left by a program")
+    write_text(made / "tools" / name, "left by a program")
     assert not stamps.find_due()
 
 
@@ -126,8 +124,7 @@ def test_a_number_that_is_changed_in_an_outcome_is_noticed_without_a_stamp(made)
     ],
 )
 def test_what_is_a_copy_or_left_behind_or_changed_is_named(made, name, text, says):
-    (made / name).parent.mkdir(exist_ok=True)
-    (made / name).write_text(text)
+    write_text(made / name, text)
     with pytest.raises(UserError, match=says):
         stamps.refuse_faults()
 
