@@ -104,7 +104,7 @@ def test_the_committed_multiverse_is_made_of_the_committed_realisations(kept, mu
 def test_what_the_report_says_of_table_2_as_a_whole_is_what_the_kept_realisations_say(
     kept, multiverse
 ):
-    committed = load_outcomes(ROOT / "results")["13_settings_of_table2"]["facts"]["multiverse"]
+    committed = load_outcomes()["13_settings_of_table2"]["facts"]["multiverse"]
     described = as_fact(evidence.describe_multiverse(kept, multiverse))
     assert described.pop("whole").items() <= committed.pop("whole").items()
     assert described == committed
