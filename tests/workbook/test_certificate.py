@@ -2,11 +2,12 @@
 
 import shutil
 import subprocess
+from pathlib import Path
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
 
-from replication import records
 from replication.files import DataUnavailable, UserError, write_files, write_kept
 from workbook import certificate, judging, stamps
 
@@ -135,14 +136,10 @@ def test_runs_at_the_same_time_are_not_counted_twice_in_the_wall_time():
     assert certificate.sum_up_seconds(runs) == "30 s in sum, 25 s of wall time"
 
 
-def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(monkeypatch, tmp_path):
-    def missing(name):
-        raise DataUnavailable("no network")
-
-    hooks = {"checksums": records.needed_checksums, "fetch": missing}
+def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(monkeypatch):
+    # Of a file that is not there the SHA-256 is "".
+    hooks = {"checksums": lambda: {"a.xlsx": "00", "b.xlsx": ""}, "fetch": Path}
     monkeypatch.setattr(certificate, "find_hook", lambda name, default=None: hooks[name])
-    assert {*certificate.check_data().values()} == {"no network"}
-    first = "Speeddata3.xlsx"
-    (tmp_path / first).write_text("other")
-    hooks["fetch"] = lambda name: tmp_path / first
-    assert certificate.check_data()[first] == f"{first} is not the registered one"
+    assert certificate.check_data() == {"a.xlsx": "a.xlsx is not the registered one", "b.xlsx": ""}
+    hooks["fetch"] = Mock(side_effect=DataUnavailable("no network"))
+    assert certificate.check_data() == dict.fromkeys(["a.xlsx", "b.xlsx"], "no network")
