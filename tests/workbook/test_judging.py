@@ -14,9 +14,7 @@ from workbook.outcomes import cell_rows, load_outcomes, source_of
 from workbook.project import RESULTS
 
 CELLS = published.cells()
-EXPORTED = {
-    row["id"]: row["numbers"] for outcome in load_outcomes().values() for row in outcome["cells"]
-}
+EXPORTED = judging.collect("cells", ["numbers"])["numbers"]
 TESTED = [*CELLS.index[~CELLS["source"].isin(judging.NOT_TESTED)]]
 # Tested only in the sense that the printed bound could be too low: it has no upper end.
 BOUNDS = {*CELLS.index[CELLS["kind"] == "bound"]}
