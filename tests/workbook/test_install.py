@@ -119,13 +119,16 @@ def test_the_environment_is_made_again_where_a_file_is_newer_or_python_is_anothe
     assert installs.called
 
 
-def test_an_installer_that_ends_well_and_installs_nothing_sets_no_stamp(installed, monkeypatch):
+def test_a_stamp_is_set_only_where_what_it_promises_is_there(installed, monkeypatch):
     _, stamp = installed
     stamp.unlink()
     monkeypatch.setattr(install, "find_lacking", lambda group: f"{group} is not there")
     with pytest.raises(SystemExit, match=r"^\.venv: workbook is not there; .*$"):
         install.main(stamp)
     assert not stamp.exists()
+    monkeypatch.setattr(install, "find_lacking", lambda group: "")
+    install.main(stamp)
+    assert stamp.exists()
 
 
 def test_a_second_make_waits_and_finds_what_the_first_has_installed(installed, monkeypatch, capsys):

@@ -61,10 +61,7 @@ TEXTS = {
     "two pairs of marks": f"{STATUS}Words between.\n{STATUS}".encode(),
     "a mark between": STATUS.replace("-\n", "-\n<!-- status: begin --\n").encode(),
     "marks in the other order": b"<!-- status: end -->\n<!-- status: begin -->\n",
-    "a merge's mark": f"{STATUS}<<<<<<< HEAD\n".encode(),
     "cut": STATUS.rstrip().encode(),
-    "not in UTF-8": f"{STATUS}é\n".encode("latin-1"),
-    "empty": b"",
 }
 
 
