@@ -240,10 +240,7 @@ def measure_turns(ratio):
 @pytest.mark.parametrize(
     ("claim", "numbers", "holds"),
     [
-        ("no_backlash", claims.measure_no_backlash(np.full(100, 0.01), 0.26), True),
-        ("no_backlash", claims.measure_no_backlash(np.full(100, 0.2), 0.26), False),
         ("no_backlash", claims.measure_no_backlash(np.full(10, 0.01), 0.26), None),  # too few
-        ("impacts_at_phase_start", measure_phases(0.2), True),
         ("impacts_at_phase_start", measure_phases(-0.1), False),  # before its phase
         ("impacts_at_phase_start", measure_phases(0.3), False),
         (
@@ -251,7 +248,6 @@ def measure_turns(ratio):
             claims.measure_discontinuities(STEPPING.assign(error=[0.04, 0.001] * 3)),
             False,  # the smooth torque errs more
         ),
-        ("turns_reduce_noise", measure_turns(0.5), True),
         ("turns_reduce_noise", measure_turns(0.99), None),  # not surely
         ("turns_reduce_noise", measure_turns(2.0), False),
     ],

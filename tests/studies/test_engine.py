@@ -26,13 +26,11 @@ def build(mujoco, machine):
     return model, mujoco.MjData(model)
 
 
-@pytest.fixture(scope="module")
-def kept():
-    return pd.read_csv(ROOT / "results" / "engine.csv")
+KEPT = pd.read_csv(ROOT / "results" / "engine.csv")
 
 
-def test_the_engine_gives_the_paper_s_joint_as_it_was_kept(kept, mujoco):
-    twin = kept.set_index("step_s").loc[engine.TWIN_STEPS_S[0]]
+def test_the_engine_gives_the_paper_s_joint_as_it_was_kept(mujoco):
+    twin = KEPT.set_index("step_s").loc[engine.TWIN_STEPS_S[0]]
     assert engine.measure_twin(twin.name) == pytest.approx(twin["nrmse"], rel=1e-3)
 
 
@@ -84,13 +82,13 @@ def test_the_last_joint_of_an_arm_turns_about_a_horizontal_axis_and_carries_the_
     assert squares == pytest.approx(machine.joints[-1].G ** 2, rel=1e-9)
 
 
-def test_the_table_has_a_row_for_each_log_that_the_study_makes(kept):
-    logs = kept[kept["population"] != engine.TWIN]
+def test_the_table_has_a_row_for_each_log_that_the_study_makes():
+    logs = KEPT[KEPT["population"] != engine.TWIN]
     assert logs["population"].value_counts().to_dict() == engine.LOGS
 
 
-def test_the_sensor_is_right_on_the_engine_s_joints_and_silent_on_its_arm(kept):
-    sheet = datasheet.summarise_engine(kept).set_index("population")
+def test_the_sensor_is_right_on_the_engine_s_joints_and_silent_on_its_arm():
+    sheet = datasheet.summarise_engine(KEPT).set_index("population")
     turns, strokes = sheet.loc["MuJoCo, turns"], sheet.loc["MuJoCo, strokes"]
     assert turns["answered"] >= 0.9 * turns["joints"]
     assert turns["covered"] >= 0.95 * turns["answered"]
@@ -99,20 +97,20 @@ def test_the_sensor_is_right_on_the_engine_s_joints_and_silent_on_its_arm(kept):
     assert sheet["wrong"].drop(turns.name).sum() == 0
 
 
-def test_the_kept_errors_fall_with_the_step_to_the_first_order(kept):
-    twins = kept[kept["population"] == engine.TWIN]
+def test_the_kept_errors_fall_with_the_step_to_the_first_order():
+    twins = KEPT[KEPT["population"] == engine.TWIN]
     assert tuple(twins["step_s"]) == engine.TWIN_STEPS_S
     slope = np.polyfit(np.log(twins["step_s"]), np.log(twins["nrmse"]), 1)[0]
     assert slope == pytest.approx(1, abs=0.1)
     assert twins["nrmse"].min() < 6e-4
 
 
-def test_what_is_said_of_the_simulated_arm_follows_from_its_rows_and_decides_nothing(kept):
-    numbers, words = engine.measure_arms(kept)
+def test_what_is_said_of_the_simulated_arm_follows_from_its_rows_and_decides_nothing():
+    numbers, words = engine.measure_arms(KEPT)
     assert decide("full_robot", numbers) is None
     claims = pd.read_csv(ROOT / "results" / "claims.csv").set_index("id")
     assert claims.loc["full_robot", "measured"] == words
-    moved = kept[kept["population"] == engine.ARM].reset_index()
+    moved = KEPT[KEPT["population"] == engine.ARM].reset_index()
     moved["amplitude_rps"] = moved["delta_rad"] * 1e3 + 1
     moved.loc[1, ["verdict", "low_rad", "high_rad"]] = "backlash", 0, 1
     _, words = engine.measure_arms(moved)

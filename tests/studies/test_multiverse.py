@@ -13,15 +13,8 @@ from studies.realisations import read_realisations
 from workbook.judging import decide_all
 from workbook.outcomes import as_fact, load_outcomes
 
-
-@pytest.fixture(scope="module")
-def kept():
-    return read_realisations()
-
-
-@pytest.fixture(scope="module")
-def multiverse():
-    return pd.read_csv(ROOT / "results" / "table2_multiverse.csv")
+KEPT = read_realisations()
+MULTIVERSE = pd.read_csv(ROOT / "results" / "table2_multiverse.csv")
 
 
 def make_tables(tables, *, shared=0.0, rows=10, seed=1):
@@ -93,19 +86,17 @@ def test_where_rows_share_a_start_recombined_tables_reject_true_ones_and_whole_t
     assert np.mean(evidence.p_values(score, numbers, by_rows=False) < 0.05) <= 0.05
 
 
-def test_the_committed_multiverse_is_made_of_the_committed_realisations(kept, multiverse):
-    made = evidence.make_multiverse(kept)
-    pd.testing.assert_frame_equal(made, multiverse, rtol=1e-5, check_dtype=False)
+def test_the_committed_multiverse_is_made_of_the_committed_realisations():
+    made = evidence.make_multiverse(KEPT)
+    pd.testing.assert_frame_equal(made, MULTIVERSE, rtol=1e-5, check_dtype=False)
 
 
 # ------------------------------------------------------------------------------------------------- what is said
 
 
-def test_what_the_report_says_of_table_2_as_a_whole_is_what_the_kept_realisations_say(
-    kept, multiverse
-):
-    committed = load_outcomes(ROOT / "results")["13_settings_of_table2"]["facts"]["multiverse"]
-    described = as_fact(evidence.describe_multiverse(kept, multiverse))
+def test_what_the_report_says_of_table_2_as_a_whole_is_what_the_kept_realisations_say():
+    committed = load_outcomes()["13_settings_of_table2"]["facts"]["multiverse"]
+    described = as_fact(evidence.describe_multiverse(KEPT, MULTIVERSE))
     assert described.pop("whole").items() <= committed.pop("whole").items()
     assert described == committed
 
@@ -132,16 +123,17 @@ def decide_random_start(multiverse, criteria=None):
     ],
 )
 def test_a_random_start_is_decided_by_all_its_readings_and_by_ours_of_the_whole_record(
-    multiverse, p_of_table, p_of_whole, criteria, holds
+    p_of_table, p_of_whole, criteria, holds
 ):
+    multiverse = MULTIVERSE
     starts = {"per row": 0.001, "per fit": 0.001, "per table": p_of_table, WHOLE: p_of_whole}
     for start, p in starts.items():
         multiverse = set_p(multiverse, start, p)
     assert decide_random_start(multiverse, criteria)[0] is holds
 
 
-def test_what_excludes_a_reading_is_named(multiverse):
-    table = set_p(multiverse, "per row", 0.5, ALL_SCORES)
+def test_what_excludes_a_reading_is_named():
+    table = set_p(MULTIVERSE, "per row", 0.5, ALL_SCORES)
     table = set_p(table, "per row", 0.001, ["largest error", "mean logarithm"])
     table = set_p(table, "per row", 0.001, ["ranks"], ["SDs"])
     table = set_p(table, "per fit", 0.001, ALL_SCORES)
@@ -157,8 +149,8 @@ def test_what_excludes_a_reading_is_named(multiverse):
     }
 
 
-def test_rejections_are_counted_of_the_tests_that_could_reject(multiverse):
-    table = set_p(multiverse, "per row", 0.5, SCORES_OF_MEANS)
+def test_rejections_are_counted_of_the_tests_that_could_reject():
+    table = set_p(MULTIVERSE, "per row", 0.5, SCORES_OF_MEANS)
     table = set_p(table, "per row", 0.01, ["squares"])
     assert evidence.count_rejections(table, "per row", "means") == (12, 3)
     together = table["settings"] == evidence.TOGETHER

@@ -20,6 +20,6 @@ def test_means_within_one_percent_and_sds_between_the_limits_are_met():
 
 
 def test_of_the_kept_run_as_many_are_met_as_the_report_says():
-    facts = load_outcomes(ROOT / "results")["13_settings_of_table2"]["facts"]
+    facts = load_outcomes()["13_settings_of_table2"]["facts"]
     means, sds = count_met(KEPT)
     assert f"{means} of 8 means and {sds} of 3 SDs" in facts["prediction_finding"]

@@ -39,7 +39,7 @@ def make_rows(found):
 
 def test_what_the_report_says_is_what_the_kept_table_says():
     rows = pd.read_csv(ROOT / "results" / "table2_starts.csv")
-    facts = load_outcomes(ROOT / "results")["13_settings_of_table2"]["facts"]
+    facts = load_outcomes()["13_settings_of_table2"]["facts"]
     described = starts.describe(starts.summarise(rows))
     assert as_fact(described).items() <= facts["why_start"].items()
     assert starts.write_answer(described) == facts["why_start_words"]

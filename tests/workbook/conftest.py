@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+from replication.files import as_json, write_bytes, write_files, write_text
 from workbook import ROOT, certificate, execution, outcomes, stamps
 from workbook import project as project_module
 
@@ -29,8 +30,8 @@ def work_on(monkeypatch):
         here = {"ROOT": folder, "RESULTS": folder / "results", "SETTINGS": settings}
         here["SIMULATED"] = settings.get("simulated", {})
         for module in (project_module, certificate, execution, outcomes, stamps):
-            for name in here.keys() & vars(module).keys():
-                monkeypatch.setattr(module, name, here[name])
+            for name, value in here.items():
+                monkeypatch.setattr(module, name, value, raising=False)
 
     return place
 
@@ -40,17 +41,33 @@ def project(tmp_path, work_on):
     """Write sources of notebooks by name; return the folder of a project, on which the machine works."""
 
     def write(**sources):
-        for name in ("notebooks", "tools", "results/outcomes", ".make"):
-            (tmp_path / name).mkdir(parents=True, exist_ok=True)
-        (tmp_path / "pyproject.toml").write_text(SETTINGS)
-        (tmp_path / "requirements.lock").write_text("numpy==2.0\n")
-        (tmp_path / "tools" / "__init__.py").touch()
-        for name, text in sources.items():
-            (tmp_path / "notebooks" / f"{name}.py").write_text(text, "utf-8")
-        work_on(tmp_path)
-        return tmp_path
+        folder = tmp_path / "project"
+        files = {f"notebooks/{name}.py": text for name, text in sources.items()}
+        files |= {"pyproject.toml": SETTINGS, "requirements.lock": "numpy==2.0\n"}
+        files |= {"tools/__init__.py": ""}
+        for name, text in files.items():
+            write_text(folder / name, text)
+        (folder / "results").mkdir(exist_ok=True)
+        work_on(folder)
+        return folder
 
     return write
+
+
+@pytest.fixture
+def leave_run():
+    """Leave what a run of a notebook leaves: its results, by file, its record, and a stamp."""
+
+    def leave(name, said, made, read=()):
+        root = stamps.ROOT
+        code = stamps.digest_code(root / "notebooks" / f"{name}.py")
+        read = {each: stamps.sha256(root / each) for each in read}
+        record = stamps.record_file(name)
+        contents = {root / each: content for each, content in made.items()}
+        write_files(contents | {record: as_json(stamps.add_record(said, code, read, made))})
+        write_bytes(stamps.stamp_file(name), stamps.new_stamp(record, 12.3))
+
+    return leave
 
 
 @pytest.fixture(scope="session")

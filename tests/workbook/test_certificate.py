@@ -2,24 +2,18 @@
 
 import shutil
 import subprocess
+from pathlib import Path
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
 
-from replication import records
-from replication.files import DataUnavailable, UserError, as_json, write_files, write_kept
+from replication.files import DataUnavailable, UserError, write_files, write_kept
 from workbook import certificate, judging, stamps
 
 NAMES = ("01_one", "02_two")
 VERDICTS = pd.DataFrame(
-    [
-        ("agrees", "01_one"),
-        ("agrees weakly", "02_two"),
-        ("consistent", "01_one"),
-        ("differs", "02_two"),
-        ("not tested", "02_two"),
-    ],
-    columns=["grade", "notebook"],
+    {"grade": judging.GRADES, "notebook": ["01_one", "02_two", "01_one", "02_two", "02_two"]}
 )
 
 
@@ -28,36 +22,22 @@ def git(folder, *words):
     subprocess.run(["git", *who, *words], cwd=folder, check=True)
 
 
-def leave(folder, name):
-    """What a run of a notebook leaves."""
-    made = {f"figures/{name}.svg": b"a figure", f"notebooks/{name}.ipynb": b"a notebook"}
-    said = {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}
-    code = stamps.digest_code(folder / "notebooks" / f"{name}.py")
-    record = stamps.record_file(name)
-    contents = made | {record: as_json(stamps.add_record(said, code, {}, made))}
-    write_files({folder / each: content for each, content in contents.items()})
-    stamps.stamp_file(name).write_bytes(stamps.new_stamp(record, 12))
-
-
-@pytest.fixture(params=["alone", "inside another repository"])
-def clone(request, project, monkeypatch, tmp_path, work_on):
+@pytest.fixture(params=["project", "."], ids=["alone", "inside another repository"])
+def clone(request, project, monkeypatch, tmp_path, leave_run):
     """A clone of two notebooks that ran here and a report, committed, with a kept table."""
     folder = project(**dict.fromkeys(NAMES, "# %%\n"))
-    if request.param != "alone":
-        folder = shutil.copytree(folder, tmp_path / "inner", ignore=lambda *_: ["inner"])
-        (tmp_path / ".gitignore").write_text("/notebooks\n/tools\n/results\n/.make\n/*.*\n")
-        work_on(folder)
     (folder / "README.md").write_text("A readme.\n")
     (folder / ".gitignore").write_text(".make\n__pycache__\n")
     (folder / "tools" / "kept.py").write_text("print('x,y')\nprint('1,a')\n")
     write_kept(folder / "results" / "table.csv", pd.DataFrame({"x": [2, 1], "y": ["b", "a"]}))
     for name in NAMES:
-        leave(folder, name)
+        made = {f"figures/{name}.svg": b"a figure", f"notebooks/{name}.ipynb": b"a notebook"}
+        leave_run(name, {"cells": [{"id": name, "source": "recomputed", "numbers": 1.0}]}, made)
     report = {folder / "results" / "report.md": b"a report\n"}
     write_files(report)
-    git(tmp_path, "init", "-q")
-    git(tmp_path, "add", "-A")
-    git(tmp_path, "commit", "-q", "-m", "made")
+    git(tmp_path / request.param, "init", "-q")
+    git(folder, "add", "-A")
+    git(folder, "commit", "-q", "-m", "made")
     monkeypatch.setattr(certificate, "make_report", lambda: report)
     monkeypatch.setattr(judging, "verdicts", lambda: VERDICTS)
     return folder
@@ -156,14 +136,10 @@ def test_runs_at_the_same_time_are_not_counted_twice_in_the_wall_time():
     assert certificate.sum_up_seconds(runs) == "30 s in sum, 25 s of wall time"
 
 
-def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(monkeypatch, tmp_path):
-    def missing(name):
-        raise DataUnavailable("no network")
-
-    hooks = {"checksums": records.needed_checksums, "fetch": missing}
+def test_data_that_could_not_be_had_are_one_line_and_a_changed_file_is_named(monkeypatch):
+    # Of a file that is not there the SHA-256 is "".
+    hooks = {"checksums": lambda: {"a.xlsx": "00", "b.xlsx": ""}, "fetch": Path}
     monkeypatch.setattr(certificate, "find_hook", lambda name, default=None: hooks[name])
-    assert {*certificate.check_data().values()} == {"no network"}
-    first = "Speeddata3.xlsx"
-    (tmp_path / first).write_text("other")
-    hooks["fetch"] = lambda name: tmp_path / first
-    assert certificate.check_data()[first] == f"{first} is not the registered one"
+    assert certificate.check_data() == {"a.xlsx": "a.xlsx is not the registered one", "b.xlsx": ""}
+    hooks["fetch"] = Mock(side_effect=DataUnavailable("no network"))
+    assert certificate.check_data() == dict.fromkeys(["a.xlsx", "b.xlsx"], "no network")

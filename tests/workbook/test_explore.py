@@ -24,19 +24,14 @@ def page(tab):
     return page
 
 
-def reference(gravity, friction, gain, delta):
+@pytest.mark.parametrize(("gravity", "friction", "gain", "delta"), SETTINGS)
+def test_the_pages_joint_is_the_workbooks(page, gravity, friction, gain, delta):
+    shares = f"{{ gravity: {gravity}, friction: {friction}, gain: {gain} }}"
+    r = page.evaluate(f"Array.from(makeLog(simulate(makeJoint({shares}), {delta}), 0, 1))")
     joint = identified_joint()
     gains = {name: gain * getattr(joint, name) for name in GAINS}
     joint = joint._replace(G=gravity * joint.G, load_coulomb=friction * joint.G, **gains)
-    return simulate(joint, delta)
-
-
-@pytest.mark.parametrize("setting", SETTINGS)
-def test_the_pages_joint_is_the_workbooks(page, setting):
-    gravity, friction, gain, delta = setting
-    shares = f"{{ gravity: {gravity}, friction: {friction}, gain: {gain} }}"
-    r = page.evaluate(f"Array.from(makeLog(simulate(makeJoint({shares}), {delta}), 0, 1))")
-    v = reference(*setting).v
+    v = simulate(joint, delta).v
     assert np.sqrt(np.mean((np.array(r) - (v - 100)) ** 2)) < 1e-4 * v.std()  # the bar is 5e-3
 
 

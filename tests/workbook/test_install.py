@@ -2,14 +2,15 @@
 
 import fcntl
 import os
-import subprocess
+import re
 import sys
 import tomllib
 import venv
-from unittest.mock import Mock
+from unittest.mock import Mock, call
 
 import pytest
 
+from replication.files import write_text
 from workbook import ROOT, install
 
 
@@ -25,11 +26,9 @@ def folder(tmp_path, monkeypatch):
 def add_package(name, version, module="broken.py"):
     """Install a package whose import fails into .venv."""
     about = install.SITE / f"{name}-{version}.dist-info"
-    about.mkdir(parents=True)
-    (about / "METADATA").write_text(f"Name: {name}\nVersion: {version}\n")
-    (about / "RECORD").write_text(f"{module},,\n")
-    (install.SITE / module).parent.mkdir(exist_ok=True)
-    (install.SITE / module).write_text("1 / 0")
+    write_text(about / "METADATA", f"Name: {name}\nVersion: {version}\n")
+    write_text(about / "RECORD", f"{module},,\n")
+    write_text(install.SITE / module, "1 / 0")
 
 
 @pytest.mark.parametrize("is_there", [True, False])
@@ -64,36 +63,16 @@ def test_what_is_promised_is_looked_for_in_the_locked_version_and_imported(folde
     assert install.find_lacking("one") == "broken is not there in the locked version"
 
 
-@pytest.mark.slow
-def test_an_installer_that_ends_well_and_installs_nothing_sets_no_stamp(folder):
-    (folder / "bin").mkdir()
-    for name in ("uv", "pip"):
-        (folder / "bin" / name).write_text("#!/bin/sh\nexit 0\n")
-        (folder / "bin" / name).chmod(0o755)
-    for name in ("pyproject.toml", "requirements.lock"):
-        (folder / name).write_bytes((ROOT / name).read_bytes())
-    ended = subprocess.run(
-        [sys.executable, "-m", "workbook.install", ".venv/.installed"],
-        env=os.environ
-        | {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-    )
-    assert ended.returncode == 1
-    assert ended.stderr.startswith(".venv: ")
-    assert ended.stderr.count("\n") == 1
-    assert not (folder / ".venv" / ".installed").exists()
+NOT_OURS = {
+    "another's": lambda: write_text(install.VENV / "notes.txt", "mine"),
+    "a file": lambda: install.VENV.touch(),
+    "a link to nowhere": lambda: install.VENV.symlink_to("nowhere"),
+}
 
 
-@pytest.mark.parametrize("kind", ["another's", "a file", "a link to nowhere"])
-def test_an_environment_that_is_not_ours_is_left_as_it_is(folder, kind):
-    if kind == "another's":
-        (folder / ".venv" / "bin").mkdir(parents=True)
-        (folder / ".venv" / "notes.txt").write_text("mine")
-    elif kind == "a file":
-        (folder / ".venv").touch()
-    else:
-        (folder / ".venv").symlink_to(folder / "nowhere")
+@pytest.mark.parametrize("make", NOT_OURS.values(), ids=NOT_OURS)
+def test_an_environment_that_is_not_ours_is_left_as_it_is(folder, make):
+    make()
     before = sorted(folder.rglob("*"))
     with pytest.raises(SystemExit, match=r"^\.venv: not made by this Makefile"):
         install.clear_environment()
@@ -113,42 +92,58 @@ def test_ours_is_emptied_also_behind_a_link_and_what_was_added_by_hand_is_named(
     install.clear_environment()
 
 
-@pytest.mark.parametrize("is_there", [True, False])
-def test_the_environment_is_made_again_where_a_file_is_newer_or_python_is_another(
-    folder, is_there, monkeypatch
-):
-    done = Mock()
+@pytest.fixture
+def installed(folder, monkeypatch):
+    """Stand-ins of what installs, whether it was called; and a stamp of an earlier installation."""
+    installs = Mock()
     for name in ("make_environment", "install"):
-        monkeypatch.setattr(install, name, done)
+        monkeypatch.setattr(install, name, installs)
     monkeypatch.setattr(install, "find_lacking", lambda group: "")
-    (install.SITE if is_there else install.VENV).mkdir(parents=True)
+    install.SITE.mkdir(parents=True)
     stamp = install.VENV / ".installed"
     stamp.touch()
+    return installs, stamp
+
+
+def test_the_environment_is_made_again_where_a_file_is_newer_or_python_is_another(installed):
+    installs, stamp = installed
     install.main(stamp)
-    assert done.called != is_there
+    assert not installs.called
     os.utime("requirements.lock", (2**32, 2**32))
     install.main(stamp)
-    assert done.called
+    assert installs.call_args == call(install.BASE)
     assert stamp.stat().st_mtime == 2**32  # or all would be installed again
+    installs.reset_mock()
+    install.SITE.rmdir()
+    install.main(stamp)
+    assert installs.called
 
 
-def test_a_second_make_waits_and_finds_what_the_first_has_installed(folder):
-    (folder / ".make").mkdir()
-    install.SITE.mkdir(parents=True)
-    stamp = folder / ".venv" / ".installed"
-    stamp.touch()
-    os.utime(folder / "pyproject.toml", (2**32, 2**32))
-    with (folder / ".make" / "install.lock").open("wb") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        second = subprocess.Popen(
-            [sys.executable, "-u", "-m", "workbook.install", ".venv/.installed"],
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        assert "waiting" in second.stdout.readline()
+def test_a_stamp_is_set_only_where_what_it_promises_is_there(installed, monkeypatch):
+    _, stamp = installed
+    stamp.unlink()
+    monkeypatch.setattr(install, "find_lacking", lambda group: f"{group} is not there")
+    with pytest.raises(SystemExit, match=r"^\.venv: workbook is not there; .*$"):
+        install.main(stamp)
+    assert not stamp.exists()
+    monkeypatch.setattr(install, "find_lacking", lambda group: "")
+    install.main(stamp)
+    assert stamp.exists()
+
+
+def test_a_second_make_waits_and_finds_what_the_first_has_installed(installed, monkeypatch, capsys):
+    installs, stamp = installed
+    os.utime("pyproject.toml", (2**32, 2**32))
+
+    def lock(file, how):
+        if how & fcntl.LOCK_NB:
+            raise BlockingIOError
         os.utime(stamp, (2**32, 2**32))
-    assert second.wait(60) == 0
+
+    monkeypatch.setattr(fcntl, "flock", lock)
+    install.main(stamp)
+    assert "waiting" in capsys.readouterr().out
+    assert not installs.called
 
 
 def test_every_group_of_the_project_is_in_the_lock():
@@ -157,7 +152,6 @@ def test_every_group_of_the_project_is_in_the_lock():
     of_uv, others = install.split_lock(lock)
     assert of_uv.startswith("uv==")
     assert sorted((of_uv + others).splitlines()) == sorted(lock.splitlines())
-    for group in groups:
-        for each in install.in_group(groups, group):
-            name = install.re.match("[A-Za-z0-9-]+", each)[0].lower()
-            assert f"\n{name}==" in f"\n{lock}", each
+    asked = [each for group in groups for each in install.in_group(groups, group)]
+    names = {re.match("[A-Za-z0-9-]+", each)[0].lower() for each in asked}
+    assert names <= {*re.findall(r"(?m)^(.+)==", lock)}

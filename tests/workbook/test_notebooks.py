@@ -12,8 +12,9 @@ from workbook.project import notebook_sources
 SOURCES = notebook_sources()
 
 
-def tags(cell):
-    return set(cell.metadata.get("tags", []))
+def read_code(name):
+    """The cells of code of a source."""
+    return [cell for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
 
 
 def is_check(node):
@@ -23,8 +24,10 @@ def is_check(node):
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_a_notebook_has_one_parameters_cell_and_the_next_checks_every_parameter(name):
-    code = [cell for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
-    (position,) = [k for k, cell in enumerate(code) if "parameters" in tags(cell)]
+    code = read_code(name)
+    (position,) = [
+        k for k, cell in enumerate(code) if "parameters" in cell.metadata.get("tags", [])
+    ]
     assigned = re.findall(r"^(\w+) = ", code[position].source, re.MULTILINE)
     calls = [each for each in ast.walk(ast.parse(code[position + 1].source)) if is_check(each)]
     assert set(assigned) <= {keyword.arg for each in calls for keyword in each.keywords}
@@ -32,8 +35,8 @@ def test_a_notebook_has_one_parameters_cell_and_the_next_checks_every_parameter(
 
 @pytest.mark.parametrize("name", SOURCES)
 def test_no_line_of_code_scrolls_sideways_in_a_page_of_the_book(name):
-    code = [cell.source for cell in jupytext.read(SOURCES[name]).cells if cell.cell_type == "code"]
-    assert [line for cell in code for line in cell.splitlines() if len(line) > 84] == []
+    code = "\n".join(cell.source for cell in read_code(name))
+    assert re.findall(r".{85,}", code) == []
 
 
 @pytest.mark.parametrize("name", SOURCES)

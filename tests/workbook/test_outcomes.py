@@ -13,12 +13,8 @@ from workbook.project import RESULTS, notebook_sources
 CELL = "equation10.A2"
 
 
-@pytest.fixture
-def committed():
-    return pd.read_csv(RESULTS / "verdicts.csv", index_col="id")["reproduced"][CELL]
-
-
-def test_by_hand_a_changed_number_stands_beside_the_committed_one_and_loses_its_verdict(committed):
+def test_by_hand_a_changed_number_stands_beside_the_committed_one_and_loses_its_verdict():
+    committed = pd.read_csv(RESULTS / "verdicts.csv", index_col="id")["reproduced"][CELL]
     table = workbook.judge({CELL: 1.3 * committed})
     assert float(table["ours"][CELL]) == pytest.approx(1.3 * committed, rel=1e-4)
     assert float(table["committed"][CELL]) == pytest.approx(committed, rel=1e-4)

@@ -61,10 +61,7 @@ TEXTS = {
     "two pairs of marks": f"{STATUS}Words between.\n{STATUS}".encode(),
     "a mark between": STATUS.replace("-\n", "-\n<!-- status: begin --\n").encode(),
     "marks in the other order": b"<!-- status: end -->\n<!-- status: begin -->\n",
-    "a merge's mark": f"{STATUS}<<<<<<< HEAD\n".encode(),
     "cut": STATUS.rstrip().encode(),
-    "not in UTF-8": f"{STATUS}é\n".encode("latin-1"),
-    "empty": b"",
 }
 
 
@@ -97,68 +94,75 @@ def test_make_check_prints_every_number_and_notices_a_new_difference(judged):
     assert report.find_surprises(verdicts) == ["table2.row03.mean"]
 
 
-MULTIVERSE, INTERVALS, HARDWARE = "f.multiverse.", "f.intervals.", "f.hardware."
-ALL_REFUSED = {f"{HARDWARE}logs": 20, f"{HARDWARE}refused": 20, f"{HARDWARE}usual": 9}
 # What is changed, and what is said then.
 SAID = [
     (
-        ALL_REFUSED | {f"{HARDWARE}because": "the turns differ"},
-        "refuses all 20 public logs that we found, 9 because the turns differ.",
+        {
+            "f.hardware.logs": 20,
+            "f.hardware.refused": 20,
+            "f.hardware.usual": 9,
+            "f.hardware.because": "the turns differ",
+        },
+        ["refuses all 20 public logs that we found, 9 because the turns differ."],
     ),
-    (ALL_REFUSED | {f"{HARDWARE}refused": 15}, "refuses 15 of 20 public logs"),
-    (ALL_REFUSED | {f"{HARDWARE}refused": 0}, "refuses 0 of 20 public logs that we found."),
+    ({"f.hardware.logs": 20, "f.hardware.refused": 15}, ["refuses 15 of 20 public logs"]),
     (
-        {f"{MULTIVERSE}starts.per table.reaching": 3, f"{MULTIVERSE}starts.per table.tables": 70},
-        "if one start served the whole table (3 of 70 tables come as near",
-    ),
-    ({f"{MULTIVERSE}starts.per table.tables": 70}, "| once for the table | 70 |"),
-    (
-        {f"{MULTIVERSE}starts.per fit.smallest_percent": -21.2},
-        "the means are 12 to 21 % too small, and",
-    ),
-    (
-        {f"{MULTIVERSE}starts.per fit.reaching": 5, f"{MULTIVERSE}starts.per fit.tables": 40},
-        "and 5 of 120 tables come as near",
+        {"f.hardware.logs": 20, "f.hardware.refused": 0},
+        ["refuses 0 of 20 public logs that we found."],
     ),
     (
-        {f"{MULTIVERSE}whole.deviation_percent": -7.24, f"{MULTIVERSE}printed_percent": -6.04},
-        "on average 7.2 % below the theoretical A (printed: 6.0 %)",
+        {
+            "f.multiverse.starts.per table.reaching": 3,
+            "f.multiverse.starts.per table.tables": 70,
+            "f.multiverse.starts.per fit.smallest_percent": -21.2,
+            "f.multiverse.starts.per fit.reaching": 5,
+            "f.multiverse.starts.per fit.tables": 40,
+            "f.multiverse.whole.deviation_percent": -7.24,
+            "f.multiverse.printed_percent": -6.04,
+            "f.multiverse.whole.means_inside": [3.0, 8.0],
+            "f.multiverse.whole.row10_below": 300,
+            "f.intervals.means.agree": 0,
+            "f.intervals.means.width_percent": [3, 9],
+            "f.intervals.sds.differ": [2, 3, 9],
+            "f.intervals.sds.agree": 6,
+            "f.intervals.sds.factor": [4.4, 9.6],
+        },
+        [
+            "if one start served the whole table (3 of 70 tables come as near",
+            "| once for the table | 70 |",
+            "the means are 12 to 21 % too small, and",
+            "and 5 of 120 tables come as near",
+            "on average 7.2 % below the theoretical A (printed: 6.0 %)",
+            "0 of 10 lie in our 95 % prediction intervals",
+            "3 to 8 of 10 lie inside, in intervals 3 to 9 % wide",
+            "rows 2 and 3 and 9 differ; row 10's is smaller than in 300 of our 320 tables",
+            "; 6 of 10 SDs do",
+            "an interval's upper end is 4 to 10 times its lower one",
+            "as a set they fit poorly",
+            "because the search then misses",
+        ],
     ),
-    ({}, "as a set they fit poorly"),
-    ({}, "because the search then misses"),
-    ({f"{INTERVALS}means.agree": 0}, "0 of 10 lie in our 95 % prediction intervals"),
-    (
-        {f"{MULTIVERSE}whole.means_inside": [3.0, 8.0], f"{INTERVALS}means.width_percent": [3, 9]},
-        "3 to 8 of 10 lie inside, in intervals 3 to 9 % wide",
-    ),
-    (
-        {f"{INTERVALS}sds.differ": [2, 3, 9], f"{MULTIVERSE}whole.row10_below": 300},
-        "rows 2 and 3 and 9 differ; row 10's is smaller than in 300 of our 320 tables",
-    ),
-    ({f"{INTERVALS}sds.differ": []}, "- **SDs:** row 10's is smaller"),
-    ({f"{INTERVALS}sds.agree": 6}, "; 6 of 10 SDs do"),
-    (
-        {f"{INTERVALS}sds.factor": [4.4, 9.6]},
-        "an interval's upper end is 4 to 10 times its lower one",
-    ),
+    ({"f.intervals.sds.differ": []}, ["- **SDs:** row 10's is smaller"]),
 ]
 
 
 @pytest.mark.parametrize(("changed", "says"), SAID)
 def test_a_number_that_changes_changes_what_is_said(facts, changed, says):
-    assert says in render(facts, changed)
+    page = render(facts, changed)
+    assert [words for words in says if words not in page] == []
 
 
-@pytest.mark.parametrize(
-    ("changed", "says"),
-    [
-        ({f"{MULTIVERSE}whole.sds_rejected": 0.4}, "as a set they fit poorly"),
-        ({"f.why_start.search_misses": None}, "because the search"),
-        ({f"{INTERVALS}sds.factor": []}, "an interval's upper end"),
-    ],
-)
-def test_what_no_longer_holds_is_not_said(facts, changed, says):
-    assert says not in render(facts, changed)
+def test_what_no_longer_holds_is_not_said(facts):
+    page = render(
+        facts,
+        {
+            "f.multiverse.whole.sds_rejected": 0.4,
+            "f.why_start.search_misses": None,
+            "f.intervals.sds.factor": [],
+        },
+    )
+    for words in ("as a set they fit poorly", "because the search", "an interval's upper end"):
+        assert words not in page
 
 
 def test_the_sentences_of_the_paper_are_counted_by_what_holds(facts):

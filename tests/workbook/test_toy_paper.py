@@ -1,6 +1,5 @@
 """The machine on another paper, with no line of ours: each command of the page that says how to begin one."""
 
-import csv
 import json
 import os
 import re
@@ -8,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from workbook import ROOT
@@ -38,11 +38,9 @@ def test_the_toy_has_no_line_of_ours():
 
 def test_its_numbers_are_judged_and_its_claim_decided(replicated):
     folder, _ = replicated
-    with (folder / "results" / "verdicts.csv").open() as file:
-        agreement = {row["id"]: row["agreement"] for row in csv.DictReader(file)}
-    assert agreement == {"text.period": "agrees", "text.slower": "differs"}
-    with (folder / "results" / "claims.csv").open() as file:
-        assert [row["verdict"] for row in csv.DictReader(file)] == ["holds"]
+    verdicts = pd.read_csv(folder / "results" / "verdicts.csv", index_col="id")
+    assert dict(verdicts["agreement"]) == {"text.period": "agrees", "text.slower": "differs"}
+    assert [*pd.read_csv(folder / "results" / "claims.csv")["verdict"]] == ["holds"]
 
 
 def test_its_report_is_written_and_its_first_words_stand_in_the_readme(replicated):
