@@ -238,7 +238,8 @@ workbook.show_figure(
     "how many printed "
     "numbers lie in the 95 % intervals (–: too few tables for one). "
     "In brackets: our "
-    "tables; before them the unit of the speed and the population.",
+    "tables; before them the unit of the speed and the population. "
+    "After a start, and at the right: why it may be Table 2's.",
 )
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
