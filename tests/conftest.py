@@ -29,7 +29,7 @@ PORTABLE = (
     "tests/test_portable.py",
     "tests/replication/test_misfit.py",
     "tests/replication/test_cmaes.py::test_equations_13_to_17",
-    "tests/replication/test_cmaes.py::test_the_first_generation",
+    "tests/replication/test_cmaes.py::test_members_are_drawn",
     "tests/replication/test_cmaes.py::test_the_search_finds",
     "tests/replication/test_best_fit.py::test_a_fit_finds",
     "tests/replication/test_best_fit.py::test_the_best_fit",
