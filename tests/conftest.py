@@ -1,4 +1,5 @@
 import os
+from unittest.mock import patch
 
 import pytest
 
@@ -64,11 +65,8 @@ def pytest_collection_modifyitems(items):
 @pytest.fixture(autouse=True)
 def same_environment():
     """Commands set variables of their own process; no test leaves them to the next one."""
-    before = dict(os.environ)
-    yield
-    if os.environ != before:
-        os.environ.clear()
-        os.environ.update(before)
+    with patch.dict(os.environ):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ def assert_kept(run, name):
     assert idle == [], "foretold, and so without the change"
     broken = []
     for change in unchanged.promises:
-        now = SimpleNamespace(**run(name, code=change.code).names)
+        now = SimpleNamespace(**run(name, change.code).names)
         if not change.holds(now, was):
             broken.append(change.code)
     assert broken == []

@@ -10,7 +10,7 @@ from studies import standins
 from tests.made import TRUE, make_record
 
 
-@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.RPM_600], ids=lambda each: each.name)
+@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.RPM_600])
 def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(settings):
     record = make_record()
     best = best_fit.best_fit(record)

@@ -144,10 +144,10 @@ def script(misfits, population=300, axes=(2.0, 3.0, 4.0)):
 )
 def test_a_search_ends_when_the_last_misfits_are_alike_within_1e_11(population, window):
     # 10 + 30 n / population generations, and fewer in a run that is shorter.
-    assert search(script([0.0] * 99, population), 99).generations == 10
-    assert search(script([1.0] + [0.0] * 99, population), 99).generations == window + 1
-    for size, end in ((0.95e-11, 10), (1.05e-11, 99)):
-        assert search(script([0.0, size] * 50, population), 99).generations == end
+    falls = [1.0] + [0.0] * 99
+    alike, apart = ([0.0, size] * 50 for size in (0.95e-11, 1.05e-11))
+    for misfits, end in ((falls, window + 1), (alike, 10), (apart, 99)):
+        assert search(script(misfits, population), 99).generations == end
 
 
 @pytest.mark.parametrize(("ratio", "end"), [(0.95e7, 9), (1.05e7, 1)])

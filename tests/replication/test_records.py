@@ -95,21 +95,20 @@ def test_what_is_no_file_in_the_folder_is_named_with_its_variable(local, make):
 
 
 CAUSES = {
-    "a SOCKS proxy": ({"http_proxy": "socks5://127.0.0.1:9"}, "SOCKS"),
-    "a proxy that refuses": ({"http_proxy": "http://127.0.0.1:9"}, "proxy|refused"),
-    "no certificates": ({"REQUESTS_CA_BUNDLE": "/nowhere/ca.pem"}, "/nowhere/ca.pem"),
-    "no cache": ({"XDG_CACHE_HOME": "/dev/null"}, "/dev/null"),
+    "a SOCKS proxy": ("http_proxy", "socks5://127.0.0.1:9", "SOCKS"),
+    "a proxy that refuses": ("http_proxy", "http://127.0.0.1:9", "proxy|refused"),
+    "no certificates": ("REQUESTS_CA_BUNDLE", "/nowhere/ca.pem", "/nowhere/ca.pem"),
+    "no cache": ("XDG_CACHE_HOME", "/dev/null", "/dev/null"),
 }
 
 
-@pytest.mark.parametrize(("settings", "cause"), CAUSES.values(), ids=CAUSES)
-def test_a_download_that_fails_names_its_true_cause(settings, cause, monkeypatch, tmp_path):
+@pytest.mark.parametrize(("variable", "value", "cause"), CAUSES.values(), ids=CAUSES)
+def test_a_download_that_fails_names_its_true_cause(variable, value, cause, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    for variable in ("http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY"):
-        monkeypatch.delenv(variable, raising=False)
-    for variable, value in settings.items():
-        monkeypatch.setenv(variable, value)
-    scheme = "https" if "REQUESTS_CA_BUNDLE" in settings else "http"
+    for proxy in ("http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY"):
+        monkeypatch.delenv(proxy, raising=False)
+    monkeypatch.setenv(variable, value)
+    scheme = "https" if variable == "REQUESTS_CA_BUNDLE" else "http"
     says = rf"(?i)^a folder/x\.zip: not downloaded.*({cause}).* SOME_DATA\b"
     with pytest.raises(DataUnavailable, match=says) as refused:
         find(f"{scheme}://example.invalid")
