@@ -1,4 +1,3 @@
-import copy
 import io
 import re
 from contextlib import redirect_stdout
@@ -99,24 +98,13 @@ COMPUTED_ONCE = {
 
 
 @pytest.fixture
-def computed_once(monkeypatch):
+def computed_once(monkeypatch, tmp_path):
     """Let each of these functions compute what it is asked for once, in all runs of a notebook."""
+    memory = joblib.Memory(tmp_path, verbose=0)
     for module, names in COMPUTED_ONCE.items():
         for name in names:
             function = getattr(import_module(module), name)
-            monkeypatch.setattr(f"{module}.{name}", compute_once(function))
-
-
-def compute_once(function):
-    answers = {}
-
-    def computed_once(*args, **options):
-        asked = joblib.hash((args, options))
-        if asked not in answers:
-            answers[asked] = function(*args, **options)
-        return copy.deepcopy(answers[asked])
-
-    return computed_once
+            monkeypatch.setattr(f"{module}.{name}", memory.cache(function))
 
 
 @pytest.fixture
