@@ -84,11 +84,11 @@ def changes(tree: ast.Module) -> Iterator[tuple[Any, str, Any]]:
 
 def draw_mutants(seed: int, count: int) -> list[tuple[Path, str, str]]:
     """Draw mutants, each as likely as any other: a file, what is changed, and the changed source."""
-    files = sorted(path for pattern in EQUATIONS for path in ROOT.glob(pattern))
+    files = {path for pattern in EQUATIONS for path in ROOT.glob(pattern)}
     mutants = []
-    for file in files:
+    for file in sorted(path for path in files if path.name not in LEFT_OUT):
         tree = ast.parse(file.read_bytes())
-        for node, field, value in changes(tree) if file.name not in LEFT_OUT else ():
+        for node, field, value in changes(tree):
             before, old = ast.unparse(node), getattr(node, field)
             setattr(node, field, value)
             name = file.relative_to(ROOT)
@@ -98,10 +98,10 @@ def draw_mutants(seed: int, count: int) -> list[tuple[Path, str, str]]:
     return Random(seed).sample(mutants, min(count, len(mutants)))
 
 
-def passes(copy: Path, tests: list[Path], compiled: str) -> bool:
+def passes(copy: Path, tests: list[Path]) -> bool:
     """Whether tests pass in a copy of the project; False if they take longer than the limit."""
     options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow"]
-    settings = {"NUMBA_CACHE_DIR": str(copy / compiled)}
+    settings = {"NUMBA_CACHE_DIR": str(copy / "compiled")}
     command = [sys.executable, "-m", "pytest", *options, *tests]
     try:
         ended = subprocess.run(
@@ -112,21 +112,16 @@ def passes(copy: Path, tests: list[Path], compiled: str) -> bool:
     return ended.returncode == 0
 
 
-def is_killed(file: Path, source: str, copy: Path) -> bool:
-    """Whether a test of a file's package fails with another source of it, in a copy of the project."""
-    there, tests = copy / file, copy / "tests" / file.parts[0]
-    kept, status = there.read_bytes(), there.stat()
-    there.write_text(source, "utf-8")
-    # What numba has compiled of other files serves; what it compiles of this one goes.
-    shutil.copytree(copy / "compiled", copy / "mutant")
+def is_killed(file: Path, source: str, clean: Path, copy: Path) -> bool:
+    """Whether a test of a file's package fails with another source of it, in a copy of a clean project."""
+    # With what numba has compiled there, which serves but for this file; it is known by the folder's name.
+    shutil.copytree(clean, copy)
+    (copy / file).write_text(source, "utf-8")
     # The tests of the file itself first, which most likely fail.
-    own_first = sorted(tests.glob("test_*.py"), key=lambda path: file.stem not in path.stem)
-    try:
-        return not passes(copy, own_first, "mutant")
-    finally:
-        shutil.rmtree(copy / "mutant")
-        there.write_bytes(kept)
-        os.utime(there, ns=(status.st_atime_ns, status.st_mtime_ns))
+    tests = (copy / "tests" / file.parts[0]).glob("test_*.py")
+    killed = not passes(copy, sorted(tests, key=lambda path: file.stem not in path.stem))
+    shutil.rmtree(copy)
+    return killed
 
 
 def main() -> int:
@@ -141,13 +136,14 @@ def main() -> int:
     mutants = draw_mutants(options.seed, options.count)
     survivors = 0
     with tempfile.TemporaryDirectory() as folder:
-        copy = Path(folder) / "project"
+        copy, clean = Path(folder) / "project", Path(folder) / "clean"
         shutil.copytree(ROOT, copy, ignore=NOT_COPIED)
         tests = sorted({copy / "tests" / file.parts[0] for file, *_ in mutants})
-        if not passes(copy, tests, "compiled"):
+        if not passes(copy, tests):
             sys.exit(f"{' or '.join(path.name for path in tests)}: tests fail without a mutant")
+        copy.rename(clean)
         for file, what, source in mutants:
-            killed = is_killed(file, source, copy)
+            killed = is_killed(file, source, clean, copy)
             survivors += not killed
             print("killed  " if killed else "SURVIVED", what, flush=True)
     print(f"{len(mutants) - survivors} of {len(mutants)} mutants killed")

@@ -1,4 +1,3 @@
-import copy
 import io
 import re
 from contextlib import redirect_stdout
@@ -24,24 +23,25 @@ def tags_of(cell):
 
 
 class Running:
-    """A notebook whose cells run in this process, changed: its names, sentences, verdict and what it printed."""
+    """A notebook whose cells run in this process, faster and changed: its names, sentences and prints.
 
-    def __init__(self, monkeypatch, name, parameters, edit):
+    A change is what a reader types, lines of parameters or an edit of the code, "old → new".
+    """
+
+    def __init__(self, monkeypatch, name, change):
         matplotlib.use("Agg")
-        self.verdicts, self.said, self.promises = [], [], []
-        self.printed, self.parameters = io.StringIO(), parameters
-
-        def show(*named):
-            *_, figure, text = named
-            plt.close(figure)
-            self.said.append(text)
+        self.said, self.promises, self.parameters = [], [], {}
+        old, edits, new = change.partition(" → ")
+        if not edits:
+            exec(change, {}, self.parameters)
+        self.parameters = FASTER.get(name[:2], {}) | self.parameters
 
         instead = dict.fromkeys(("say_path", "say_times", "flipbook"), ignore)
         instead |= {
-            "verdict": lambda text, *_, **__: self.verdicts.append(text),
+            "verdict": lambda text, *_, **__: self.said.append(text),
             "say": self.said.append,
-            "show": show,
-            "show_figure": show,
+            "show": lambda *named: self.said.append(named[-1]),
+            "show_figure": lambda *named: self.said.append(named[-1]),
             "try_changing": lambda *changes: self.promises.extend(changes),
         }
         for function, replacement in instead.items():
@@ -49,28 +49,21 @@ class Running:
         self.names = {"display": ignore}
         (source,) = [path for each, path in notebook_sources().items() if each.startswith(name)]
         self.cells = [cell for cell in jupytext.read(source).cells if cell.cell_type == "code"]
-        if edit[0]:
+        if edits:
             taught = [cell for cell in self.cells if "promises" not in tags_of(cell)]
-            assert any(edit[0] in cell.source for cell in taught), f"no code {edit[0]}"
+            assert any(old in cell.source for cell in taught), f"no code {old}"
             for cell in taught:
-                cell.source = cell.source.replace(*edit)
+                cell.source = cell.source.replace(old, new)
 
     def execute(self, cell):
         """Run a cell; return what it printed."""
-        start = self.printed.tell()
-        with redirect_stdout(self.printed):
+        with redirect_stdout(io.StringIO()) as printed:
             exec(cell.source, self.names)
+        plt.close("all")
         if "parameters" in tags_of(cell):
             assert set(self.parameters) <= set(self.names), "no such parameter"
             self.names |= self.parameters
-        return self.printed.getvalue()[start:].strip()
-
-    def execute_to(self, last):
-        """Run the cells up to the first one with a tag."""
-        for cell in self.cells:
-            self.execute(cell)
-            if last in tags_of(cell):
-                return
+        return printed.getvalue().strip()
 
 
 @pytest.fixture
@@ -105,86 +98,61 @@ COMPUTED_ONCE = {
 
 
 @pytest.fixture
-def computed_once(monkeypatch):
+def computed_once(monkeypatch, tmp_path):
     """Let each of these functions compute what it is asked for once, in all runs of a notebook."""
+    memory = joblib.Memory(tmp_path, verbose=0)
     for module, names in COMPUTED_ONCE.items():
         for name in names:
             function = getattr(import_module(module), name)
-            monkeypatch.setattr(f"{module}.{name}", compute_once(function))
-
-
-def compute_once(function):
-    answers = {}
-
-    def computed_once(*args, **options):
-        asked = joblib.hash((args, options))
-        if asked not in answers:
-            answers[asked] = function(*args, **options)
-        return copy.deepcopy(answers[asked])
-
-    return computed_once
+            monkeypatch.setattr(f"{module}.{name}", memory.cache(function))
 
 
 @pytest.fixture
 def run_notebook(monkeypatch, computed_once):
-    """Run a notebook but for its exercises, with parameters, else faster, as a change has it; returns the run."""
+    """Run a notebook but for its exercises, with a change; returns the run."""
 
-    def run(name, parameters=None, code=""):
-        old, _, new = code.partition(" → ")
-        changed = {}
-        if not new:
-            exec(code, {}, changed)
-        given = FASTER.get(name[:2], {}) if parameters is None else parameters
-        running = Running(monkeypatch, name, given | changed, (old, new) if new else ("", ""))
-        running.execute_to("promises")
-        return running
+    def run(name, change=""):
+        running = Running(monkeypatch, name, change)
+        for cell in running.cells:
+            running.execute(cell)
+            if "promises" in tags_of(cell):
+                return running
 
     return run
 
 
+def exercise_of(check):
+    """Name of the answer that a check takes, and the precision that it asks for; None for a whole number."""
+    answer = re.search(r"check_answer\(\s*(\w+),", check)[1]
+    precision = re.search(r"\bto=([\d.]+)", check)
+    return answer, precision and precision[1]
+
+
 @pytest.fixture
 def answer_exercises(monkeypatch, on_simulated_records):
-    """Run a lab copy with its solutions; returns what the check of each exercise says of other answers."""
+    """Run a lab copy with its solutions; returns what the check of each exercise says of other answers.
 
-    def run(name, answers, edit=("", "")):
-        running, asked, said = Running(monkeypatch, name, FASTER.get(name, {}), edit), {}, {}
-        source = "\n".join(cell.source for cell in running.cells)
-        line = re.search(r"^((?:\w+ = )+)\S+  # your answers", source, re.MULTILINE)[1]
-        exercises = iter(line.split(" = "))
-        check_answer = workbook.check_answer
+    Answers are in words of the notebook, of what is `right` there, and of `off`, by which an answer is just wrong.
+    """
 
-        def spy(answer, expected, to=0.0):
-            asked["to"] = to
-            check_answer(answer, expected, to)
-
-        monkeypatch.setattr(workbook, "check_answer", spy)
+    def run(name, answers, change=""):
+        running, said = Running(monkeypatch, name, change), {}
         for cell in running.cells:
             if "solution" in tags_of(cell):
                 solution = cell
             elif "check" in tags_of(cell):
-                exercise = next(exercises)
                 assert running.execute(cell) == "", "said where there is no answer"
                 running.execute(solution)
-                running.execute(cell)
-                said[exercise] = {
-                    answer: answer_exercise(running, exercise, cell, value)
-                    for answer, value in values_of(answers(exercise), running, exercise, **asked)
-                }
+                exercise, precision = exercise_of(cell.source)
+                right = np.asarray(running.names[exercise], dtype=float)[()]
+                to = float(precision or 1)
+                words = {"right": right, "to": to, "off": 1.6 * to if precision else 1}
+                said[exercise] = {}
+                for answer in answers(exercise):
+                    running.names[exercise] = eval(answer, running.names | words)
+                    said[exercise][answer] = running.execute(cell).partition(":")[0]
             else:
                 running.execute(cell)
         return said
 
     return run
-
-
-def values_of(answers, running, exercise, to):
-    """Answers in words of a notebook, of what is `right` there, and of `off`, by which an answer is just wrong."""
-    right = np.asarray(running.names[exercise], dtype=float)[()]
-    words = running.names | {"right": right, "to": to or 1.0, "off": 1.6 * to or 1.0}
-    return [(answer, np.asarray(eval(answer, words), dtype=float)[()]) for answer in answers]
-
-
-def answer_exercise(running, exercise, check, value):
-    """What a check says of an answer."""
-    running.names[exercise] = value
-    return running.execute(check).partition(":")[0]

@@ -5,6 +5,7 @@ import re
 import jupytext
 import pytest
 
+from tests.notebooks.conftest import exercise_of
 from workbook.project import notebook_sources
 
 SOURCES = notebook_sources()
@@ -146,12 +147,10 @@ def test_each_of_three_exercises_says_how_precisely_it_asks_and_is_followed_by_i
     assert len(solutions) == 3
     for position in solutions:
         assert "check" in tags[position + 1]
-        check = cells[position + 1].source
-        answer = re.search(r"check_answer\(\s*(\w+),", check)[1]
+        answer, precision = exercise_of(cells[position + 1].source)
         text = " ".join(cells[position - 1].source.split())
         asked = re.search(rf"\(`{answer}`([^)]*)\)", text)[1]
-        precision = re.search(r"\bto=([\d.]+)", check)
-        words = f"to {precision[1]}" if precision else "a whole number"
+        words = f"to {precision}" if precision else "a whole number"
         assert words in asked, (answer, asked)
 
 
@@ -207,6 +206,6 @@ def test_a_check_follows_what_its_notebook_computes(answer_exercises, name, code
     def answers(exercise):
         return {"right": "right", of_committed.get(exercise, "1e3 * right"): "not yet"}
 
-    said = answer_exercises(name, answers, tuple(code.split(" → ")))
+    said = answer_exercises(name, answers, code)
     assert said == {exercise: answers(exercise) for exercise in said}
     assert said.keys() >= of_committed.keys()

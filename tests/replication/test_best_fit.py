@@ -10,7 +10,7 @@ from studies import standins
 from tests.made import TRUE, make_record
 
 
-@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.RPM_600], ids=lambda each: each.name)
+@pytest.mark.parametrize("settings", [table2.NOTEBOOK, table2.RPM_600])
 def test_a_fit_finds_the_signature_in_noise_and_the_best_fit_none_that_is_worse(settings):
     record = make_record()
     best = best_fit.best_fit(record)
@@ -51,8 +51,7 @@ def test_the_best_fit_is_sought_in_nine_half_periods_either_way_and_in_windows_t
         basins = best_fit._best_basins(misfits_from(target), shape, box, dt)
         assert len(basins) == 3
         np.testing.assert_allclose(basins[0], target, rtol=1e-5)
-        assert {each.shape for each in tried[:19]} == {(50 * 50, 5)}
-        assert tried[19].shape == (1, 5)
+        assert [len(shapes) for shapes in tried[:20]] == [50 * 50] * 19 + [1]
         np.testing.assert_allclose(np.ptp(tried[0], axis=0), [0, 0, 0, 0.196, 0.098])
     target = shape + dt * np.array([0, 0, 0, 12, -6])
     window = best_fit._best_window(misfits_from(target), shape, dt)

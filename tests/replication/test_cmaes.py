@@ -19,6 +19,7 @@ from replication.cmaes import (
 from replication.signature import Box
 
 UNIT = Box(np.full(7, -1.0), np.ones(7))
+START = State(0, np.zeros(7), 1.0, np.eye(7), np.zeros(7), np.zeros(7))
 
 
 def sphere(members):
@@ -63,9 +64,8 @@ def test_equations_13_to_17_give_what_the_library_gives_with_the_constants_of_20
         order = np.argsort(misfits)
         state = update(state, z[order], y[order], B, c)
         assert generation != 5 or state.sigma == pytest.approx(np.e * before)
-        theirs = (library.mean, library.sigma, library.adapt_sigma.ps, library.pc, library.sm.C)
-        ours = (state.m, state.sigma, state.p_sigma, state.p_c, state.C)
-        for our, their in zip(ours, theirs, strict=True):
+        theirs = (library.mean, library.sigma, library.sm.C, library.adapt_sigma.ps, library.pc)
+        for our, their in zip(state[1:], theirs, strict=True):
             np.testing.assert_allclose(our, their, rtol=1e-11, atol=1e-11 * np.abs(their).max())
 
 
@@ -75,12 +75,29 @@ def test_p_c_stalls_where_p_sigma_is_longer_than_the_method_allows(side, stalls)
     # Hansen's threshold for the squared length of p_sigma, over its share of the stationary one after g + 1 steps.
     longest = np.sqrt((2 + 4 / (n + 1)) * n * (1 - (1 - c.c_sigma) ** (2 * (g + 1))))
     p_sigma = np.eye(n)[0] * longest * side / (1 - c.c_sigma)
-    state = State(g, np.zeros(n), 1.0, np.eye(n), p_sigma, np.zeros(n))
-    after = update(state, np.zeros((30, n)), np.ones((30, n)), np.eye(n), c)
+    state = START._replace(g=g, p_sigma=p_sigma)
+    after = update(state, np.zeros((30, n)), np.ones((30, n)), START.C, c)
     assert (after.p_c == 0).all() == stalls
 
 
-def test_the_first_generation_is_drawn_about_the_middle_by_a_quarter_of_the_box():
+def test_c_sigma_acts_on_the_step_size_and_not_on_the_path_of_the_covariance():
+    z, c = np.random.default_rng(1).standard_normal((300, 7)), constants(300, 7)
+    ours, other = (update(START, z, z, START.C, each) for each in (c, c._replace(c_sigma=0.5)))
+    assert ours.sigma != other.sigma
+    np.testing.assert_array_equal(ours.p_c, other.p_c)
+
+
+def test_equation_13_needs_the_ranked_members_of_the_new_generation():
+    far = []
+    for misfits in (sphere, lambda members: np.zeros(len(members))):
+        *_, last = islice(generations(misfits, UNIT, 2, 300), 61)
+        far.append(sphere(last.members).mean())
+    assert far[0] < 1e-6
+    assert far[1] > 1
+
+
+def test_members_are_drawn_about_the_mean_of_equation_12():
+    """At first the middle of the box, by a quarter of it."""
     box = Box(np.array([-2.0, 0.0]), np.array([2.0, 10.0]))
     first, second = islice(generations(lambda X: X[:, 0], box, 3, 40), 2)
     assert (first.state.g, second.state.g) == (0, 1)
@@ -111,15 +128,14 @@ def test_the_search_finds_the_minimum_and_ends_by_itself(misfits, at):
     np.testing.assert_allclose(run.best, at, atol=1e-3)
 
 
-def script(misfits, population=300, n=7, axes=(2.0, 3.0, 4.0)):
+def script(misfits, population=300, axes=(2.0, 3.0, 4.0)):
     """Generations with these best misfits; the best member holds its generation's number."""
-    state = State(0, np.zeros(n), 1.0, np.eye(n), np.zeros(n), np.zeros(n))
     for number, misfit in enumerate(misfits, start=1):
-        members = np.zeros((population, n))
+        members = np.zeros((population, 7))
         members[2] = number
         costs = np.full(population, 9.0)
         costs[2] = misfit
-        yield Generation(state, np.array(axes), members, costs)
+        yield Generation(START, np.array(axes), members, costs)
 
 
 @pytest.mark.parametrize(
@@ -127,10 +143,10 @@ def script(misfits, population=300, n=7, axes=(2.0, 3.0, 4.0)):
 )
 def test_a_search_ends_when_the_last_misfits_are_alike_within_1e_11(population, window):
     # 10 + 30 n / population generations, and fewer in a run that is shorter.
-    assert search(script([0.0] * 99, population), 99).generations == 10
-    assert search(script([1.0] + [0.0] * 99, population), 99).generations == window + 1
-    for size, end in ((0.95e-11, 10), (1.05e-11, 99)):
-        assert search(script([0.0, size] * 50, population), 99).generations == end
+    falls = [1.0] + [0.0] * 99
+    alike, apart = ([0.0, size] * 50 for size in (0.95e-11, 1.05e-11))
+    for misfits, end in ((falls, window + 1), (alike, 10), (apart, 99)):
+        assert search(script(misfits, population), 99).generations == end
 
 
 @pytest.mark.parametrize(("ratio", "end"), [(0.95e7, 9), (1.05e7, 1)])

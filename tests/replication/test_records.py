@@ -16,17 +16,18 @@ from replication import published, records
 from replication.files import DataCorrupt, DataUnavailable
 from replication.joint import identified_joint, simulate
 from replication.records import (
-    AUTHORS_FILES,
+    CLEAN_LEVELS,
     LOW_NOISE,
     add_noise,
-    authors_checksums,
     constant_speed,
     level_delta_rad,
     load_clean,
     load_noisy,
+    needed_checksums,
     noise_half_amplitude_rps,
     public_file,
 )
+from tests.made import TIME
 
 CONTENT = b"a public file"
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -42,14 +43,6 @@ def local(tmp_path, monkeypatch) -> Path:
     monkeypatch.setenv("SOME_DATA", str(tmp_path))
     (tmp_path / "a folder").mkdir()
     return tmp_path / "a folder" / "x.zip"
-
-
-def test_a_level_has_table_2s_backlash_and_noise():
-    levels = range(2, 12)
-    deltas = [level_delta_rad(level) for level in levels]
-    noise = [noise_half_amplitude_rps(level) for level in levels]
-    np.testing.assert_allclose(deltas, np.arange(3e-4, 22e-4, 2e-4), rtol=1e-12)
-    np.testing.assert_allclose(noise, published.column("Table 2", "noise")[:10], atol=1e-4)
 
 
 def test_a_record_of_constant_speed_is_twelve_turns_at_100_rps_and_its_noise_is_uniform_about_zero():
@@ -102,21 +95,20 @@ def test_what_is_no_file_in_the_folder_is_named_with_its_variable(local, make):
 
 
 CAUSES = {
-    "a SOCKS proxy": ({"http_proxy": "socks5://127.0.0.1:9"}, "SOCKS"),
-    "a proxy that refuses": ({"http_proxy": "http://127.0.0.1:9"}, "proxy|refused"),
-    "no certificates": ({"REQUESTS_CA_BUNDLE": "/nowhere/ca.pem"}, "/nowhere/ca.pem"),
-    "no cache": ({"XDG_CACHE_HOME": "/dev/null"}, "/dev/null"),
+    "a SOCKS proxy": ("http_proxy", "socks5://127.0.0.1:9", "SOCKS"),
+    "a proxy that refuses": ("http_proxy", "http://127.0.0.1:9", "proxy|refused"),
+    "no certificates": ("REQUESTS_CA_BUNDLE", "/nowhere/ca.pem", "/nowhere/ca.pem"),
+    "no cache": ("XDG_CACHE_HOME", "/dev/null", "/dev/null"),
 }
 
 
-@pytest.mark.parametrize(("settings", "cause"), CAUSES.values(), ids=CAUSES)
-def test_a_download_that_fails_names_its_true_cause(settings, cause, monkeypatch, tmp_path):
+@pytest.mark.parametrize(("variable", "value", "cause"), CAUSES.values(), ids=CAUSES)
+def test_a_download_that_fails_names_its_true_cause(variable, value, cause, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    for variable in ("http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY"):
-        monkeypatch.delenv(variable, raising=False)
-    for variable, value in settings.items():
-        monkeypatch.setenv(variable, value)
-    scheme = "https" if "REQUESTS_CA_BUNDLE" in settings else "http"
+    for proxy in ("http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY"):
+        monkeypatch.delenv(proxy, raising=False)
+    monkeypatch.setenv(variable, value)
+    scheme = "https" if variable == "REQUESTS_CA_BUNDLE" else "http"
     says = rf"(?i)^a folder/x\.zip: not downloaded.*({cause}).* SOME_DATA\b"
     with pytest.raises(DataUnavailable, match=says) as refused:
         find(f"{scheme}://example.invalid")
@@ -124,8 +116,7 @@ def test_a_download_that_fails_names_its_true_cause(settings, cause, monkeypatch
 
 
 def test_every_file_that_is_read_is_registered():
-    assert set(AUTHORS_FILES) <= set(authors_checksums())
-    assert len(AUTHORS_FILES) == 11 + 5
+    assert len(needed_checksums()) == 11 + 5
 
 
 def test_a_worksheet_is_read_as_pandas_writes_it_but_for_a_repeated_first_row(
@@ -147,18 +138,37 @@ def test_a_worksheet_is_read_as_pandas_writes_it_but_for_a_repeated_first_row(
 # ------------------------------------------------------------------------------------ the authors' records
 
 
-def test_the_authors_records_are_twelve_turns_the_clean_ones_of_five_significant_digits(
-    authors_data,
-):
-    clean = [load_clean(level) for level in range(3, 14)]
-    noisy = [load_noisy(level, R) for R in LOW_NOISE for level in (1, 11)]
-    for record in clean + noisy:
-        np.testing.assert_allclose(record.t, 0.002 * np.arange(2401), atol=1e-9)
-    for record in clean:
+def test_the_authors_clean_records_are_twelve_turns_of_five_significant_digits(authors_data):
+    for level in CLEAN_LEVELS:
+        record = load_clean(level)
+        np.testing.assert_allclose(record.t, TIME, atol=1e-9)
         five_digits = np.where(record.v < 100, record.v.round(3), record.v.round(2))
         np.testing.assert_array_equal(record.v, five_digits)
+
+
+def test_the_one_bad_first_row_is_dropped(authors_data):
+    noisy = [load_noisy(level, R) for R in LOW_NOISE for level in (1, 11)]
+    for record in noisy:
+        np.testing.assert_allclose(record.t, TIME, atol=1e-9)
     assert len({record.v.tobytes() for record in noisy}) == 10
     assert noisy[0].v.std() > 1.2 * 0.1 / np.sqrt(3)  # level 1 is not free of backlash
+
+
+def test_the_turn_period_in_the_data_is_400_ms(authors_data):
+    for level in (3, 8, 13):
+        v = load_clean(level).v[200:]  # without the start-up transient
+        off = {lag: np.sqrt(np.mean((v[lag:] - v[:-lag]) ** 2)) for lag in range(190, 211)}
+        assert min(off, key=off.get) == 200
+        assert off[204] > 5 * off[200]  # samples of 2 ms: the printed 0.408 s
+
+
+def test_the_added_noise_is_not_gaussian(authors_data):
+    for level in range(3, 12):
+        noise = load_noisy(level, 1).v - load_clean(level).v
+        assert stats.normaltest(noise).pvalue < 1e-6
+        half = published.value(f"table2.row{level - 1:02d}.noise")
+        assert np.ptp(noise) / 2 == pytest.approx(half, rel=0.005)
+        assert stats.kstest(noise, stats.uniform(-half, 2 * half).cdf).pvalue > 0.001
 
 
 def test_the_peak_between_samples_is_known_to_2_percent_and_not_on_one_side():

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import table2
+from replication import published, table2
 from replication.files import ROOT
+from replication.records import add_noise, constant_speed
 from tests.made import TRUE, make_record
 
 
@@ -55,3 +56,18 @@ def test_table_2_is_made_of_ten_rows_for_each_realisation(monkeypatch):
     made = table2.table2(runs)
     of_one_run = [*keys[0], "theoretical_A_rps", "mean_A_rps", "relative_error_percent"]
     pd.testing.assert_frame_equal(made[of_one_run], kept[of_one_run], rtol=1e-3)
+
+
+def test_the_last_printed_sd_cannot_be_a_variance():
+    noise, runs = published.value("table2.row11.noise"), published.value("text.runs")
+    record = add_noise(constant_speed(), noise, np.random.default_rng(1))
+    widest = table2.search_box(record, table2.NOTEBOOK).upper[0]  # of A, the wider of the two boxes
+    assert 0.99 < widest / (table2.NOTEBOOK.amplitude_factor * noise) <= 1
+    largest_sd = widest * np.sqrt(runs / (runs - 1))  # half of the runs at either end
+    smallest = published.value("table2.row11.sd") - published.half_last_digit("0.0178")
+    assert np.sqrt(smallest) > largest_sd
+    assert smallest < 0.2 * largest_sd
+    sds, effect = published.column("Table 2", "sd"), published.table("errata")["effect"]["E11"]
+    assert f"{np.sqrt(sds.min()):.2f} to {np.sqrt(sds.max()):.2f} rps" in effect
+    assert f"{np.sqrt(published.value('table2.row11.sd')):.3f} in row 11" in effect
+    assert f"at most {widest:.2f} rps" in effect
