@@ -326,9 +326,6 @@ def measure_dead_zone(joint: Joint) -> dict[str, Numbers]:
 
 # ------------------------------------------------------------------------------------------ equation 10, encoder
 
-# What the functions below measure, whose limits a notebook lets one change.
-OF_EQUATION_10 = ("monotone", "encoder_step", "error_rad_small", "error_rad_large")
-
 
 def measure_equation_10() -> dict[str, Numbers]:
     """What follows from equation 10 and Table 2 as printed, and the encoder's step."""

@@ -256,7 +256,7 @@ def write_page(sheet: DataFrame, engine: DataFrame) -> str:
             for row in [*turns.itertuples(), *strokes.itertuples(), *engine.itertuples()]
         ),
         "",
-        f"Of these {total['answered']} answers' other quantities, within 1.96 SDs: "
+        f"Of these {total['answered']} answers' other quantities, within {NORMAL_95} SDs: "
         + ", ".join(f"{name.split('_')[0]} {total[name]}" for name in TOLD)
         + ".",
         "",

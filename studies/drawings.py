@@ -134,9 +134,11 @@ def draw_multiverse(choices: pd.DataFrame, why: Mapping[str, str]) -> Figure:
         _draw_cells(axis, cells)
         name = start if start == WHOLE else f"start drawn {start}"
         axis.set_title(f"{name}: {why[start]}", style="italic")
+        axis.set_ylabel("settings")
         settings = cells["settings"].unique()
         reasons = [why.get(each, why.get(each.partition(",")[0], "")) for each in settings]
         axis.secondary_yaxis("right").set_yticks(axis.get_yticks(), reasons)
+    axes[-1].set_xlabel("numbers and score")
     key = ["p at least 0.05", *(f"below {level:g}" for level in P_LEVELS)]
     patches = [Patch(facecolor=shade, edgecolor="0.6") for shade in SHADES]
     figure.legend(patches, key, loc="outside lower center", ncols=len(key))

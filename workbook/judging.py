@@ -257,7 +257,7 @@ def judge(
         claimed = read_made("claims").set_index("id")["measured"]
         table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
     shown = ["name", "printed", "ours", "low", "high", "committed", "verdict"]
-    table = table.reindex(columns=shown).fillna("")
+    table = table.reindex(columns=shown).astype(object).fillna("")
     for column in ("ours", "low", "high", "committed"):
         table[column] = [
             x if isinstance(x, str) else like_printed(x, printed, 1)

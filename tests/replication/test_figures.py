@@ -13,7 +13,7 @@ DIMENSIONLESS = {
     "measured over limit",
     "numbers and score",
     "periods of the torque in a load turn",
-    "start and settings",
+    "settings",
     "stiffness over the paper's",
     "search",
 }
