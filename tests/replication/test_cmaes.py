@@ -144,7 +144,7 @@ def script(misfits, population=300, axes=(2.0, 3.0, 4.0)):
 def test_a_search_ends_when_the_last_misfits_are_alike_within_1e_11(population, window):
     # 10 + 30 n / population generations, and fewer in a run that is shorter.
     falls = [1.0] + [0.0] * 99
-    alike, apart = ([0.0, size] * 50 for size in (0.95e-11, 1.05e-11))
+    alike, apart = ([0.5, 0.5 + size] * 50 for size in (0.95e-11, 1.05e-11))
     for misfits, end in ((falls, window + 1), (alike, 10), (apart, 99)):
         assert search(script(misfits, population), 99).generations == end
 
