@@ -40,9 +40,9 @@ _WRONG = (
 )
 _TORQUE = (
     "--torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio and --gravity. "
-    "Torque or current as the drive measures it: a low-pass of some ms is found, a running mean is refused. An error "
-    "of the gravity is one of the backlash: give both as well as they are known, with their SDs, which enter the "
-    "interval."
+    "Torque or current as the drive measures it: a low-pass of some ms is found, a running mean of four samples or "
+    "more is refused. An error of the gravity is one of the backlash: give both as well as they are known, with their "
+    "SDs, which enter the interval."
 )
 _SIDES = (
     "Speed, position and torque are the motor's, the backlash is the joint's. Of a log with the joint's side, as most "

@@ -377,16 +377,19 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
         )
     shares = np.abs(distances) / _MOST_RESIDUAL
     largest = int(shares.argmax())
-    name, low_pass = NAMES[largest].removeprefix("ln_"), float(best.theta[FILTER])
+    off = [
+        f"{NAMES[place].removeprefix('ln_').replace('_', ' ')} {distances[place]:+.1f}"
+        for place in dict.fromkeys((largest, GRAVITY, RATIO))
+    ]
+    low_pass = float(best.theta[FILTER])
     filtered = "is the torque filtered, or a mean of some samples? "
     if low_pass <= LIMITS.usual_low_pass_ms:
         filtered = ""
     if is_bad or shares[largest] > 1:
         raise Refusal(
-            f"speed and torque disagree (chi squared {best.chi2 / problem.size:.2g}, {name} "
-            f"{distances[largest]:+.1f}, gravity {distances[GRAVITY]:+.1f} and inertia ratio {distances[RATIO]:+.1f} "
-            f"SDs off, gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by "
-            f"{low_pass:.1f} ms); {filtered}are "
+            f"speed and torque disagree (chi squared {best.chi2 / problem.size:.2g}, {', '.join(off)} SDs off, "
+            f"gear loss {best.theta[LOSS]:.0%}, torque {delay:.1f} ms late and low-passed by {low_pass:.1f} ms); "
+            f"{filtered}are "
             "the load's data right? are all other axes held still, and is the arm stiff beside the payload (its "
             "first swing, at 6 to 15 Hz, usually refuses a wrist's log)? is there a belt, or an error of the gear?",
             Reason.NO_FIT,

@@ -206,8 +206,8 @@ def test_a_movement_is_refused_beyond_its_limits(
     ("place", "value", "chi2", "words"),
     [
         (GRAVITY, 0.249, 143.0, None),
-        (GRAVITY, -0.251, 100.0, "squared 1, gravity -2.5"),
-        (RATIO, -0.251, 100.0, "squared 1, inertia_ratio -2.5"),
+        (GRAVITY, -0.251, 100.0, r"squared 1, gravity -2.5, inertia ratio \+0.0 SDs"),
+        (RATIO, -0.251, 100.0, r"squared 1, inertia ratio -2.5, gravity \+0.0 SDs"),
         (SHARE, 0.349, 100.0, None),
         (LOSS, 0.351, 100.0, "loss .3.5"),
         (STIFFNESS, 0.0, 144.0, r"ms\); are the load's data right"),
