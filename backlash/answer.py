@@ -44,9 +44,8 @@ class Estimate:
     joint: dict[str, tuple[float, float]] | None = None
     turn_period_s: float | None = None  # of the load
     speed_rps: float | None = None  # of the signal's side, in the mean
-    strokes: str = (
-        ""  # which, where the joint moves to and fro: the backlash is that at the hanging position
-    )
+    # Which, where the joint moves to and fro: the backlash is that at the hanging position.
+    strokes: str = ""
     samples: int = 0  # of the record that was used
     arm_m: float | None = None  # at which the play is wanted, too
     columns: str = ""  # that were read, with their units

@@ -106,7 +106,7 @@ def read_journal(journal: Path) -> dict[str, Estimate]:
     """Answers of an interrupted run by their keys; a last line may be torn."""
     answers = {}
     text = journal.read_text("utf-8", "replace") if journal.exists() else ""
-    if text and not text.startswith('{"key": '):
+    if journal.is_symlink() or (text and not text.startswith('{"key": ')):
         raise Refusal(f"{journal}: holds no answers of a run before; name another --out")
     for line in text.splitlines():
         with suppress(ValueError, TypeError, KeyError):

@@ -37,9 +37,8 @@ class Request:
     options: LogOptions
     load: LoadData | None = None  # by which the torque tells the backlash
     arm_m: float | None = None  # at which the play is wanted in mm, too
-    is_quoted: bool = (
-        True  # whether a refusal may quote the file, which not only the user may have named
-    )
+    # Whether a refusal may quote the file, which not only the user may have named.
+    is_quoted: bool = True
 
 
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from backlash import estimates
-from backlash.answer import Estimate
+from backlash.answer import BACKLASH, CANNOT_TELL, NONE, Estimate
 from backlash.cli.options import Exit
 from backlash.estimates import GIVEN
 from backlash.log_list import KEYS, Batch, find_logs, read_batch
@@ -45,7 +45,7 @@ def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | Non
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file is a table that --out wrote, to which nothing was added, by its columns."""
+    """Whether a file is a table that --out wrote, to which nothing was added, by its columns and verdicts."""
     from backlash.batch import as_table
 
     read = pd.read_parquet if path.suffix.lower() == ".parquet" else pd.read_csv
@@ -55,7 +55,8 @@ def _is_ours(path: Path) -> bool:
         return False
     joint = {each.printed: (0.0, 0.0) for each in TABLE if each.printed}
     ours = as_table([Estimate("", joint=joint)], pd.DataFrame(columns=KEYS, index=[0]))
-    return "version" in table and {*table} <= {*ours}
+    is_ours = {"verdict", "version"} <= {*table} <= {*ours}
+    return is_ours and bool(table["verdict"].isin((BACKLASH, NONE, CANNOT_TELL)).all())
 
 
 def run(options: argparse.Namespace) -> int:

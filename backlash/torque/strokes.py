@@ -254,9 +254,8 @@ def _average(signals: FloatArray, sign: int, phase: float, dt: float) -> MeanStr
         problem.round_below_noise(Harmonics(order, omega, *each))
         for each in zip(lines, sd, strict=True)
     )
-    wave = sum_harmonics(
-        of_speed.coefficient / (1j * omega), order, n
-    ) + mean_speed * dt * np.arange(n)
+    moved = of_speed.coefficient / (1j * omega)
+    wave = sum_harmonics(moved, order, n) + mean_speed * dt * np.arange(n)
     first = float(round_to(taper @ (angle - wave) / taper.sum(), 1e-4))
     used = omega < TURN * 0.4 / dt
     terms = taper * [np.sin(angle + phase), np.cos(angle + phase)]

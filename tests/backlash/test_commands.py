@@ -63,7 +63,12 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
     assert table["verdict"].tolist() == ["backlash"]
     assert link.is_symlink()
     assert not out.with_name(f"answers.{ending}.kept").exists()
-    for added in (table.assign(remark="mine"), table[["verdict"]]):
+    for added in (
+        table.assign(remark="mine"),
+        table.assign(verdict="see Anna"),
+        table[["version"]],
+        table[["verdict"]],
+    ):
         getattr(added, f"to_{ending}")(out, index=False)
         assert command("estimate", log, SPEED, "--out", out) == 2
         assert "not what this command writes" in capsys.readouterr().err
