@@ -99,12 +99,14 @@ def test_a_table_is_written_where_a_link_points_and_again_until_something_is_add
         ("--turn-period 0.4 --out no/answers.csv", "name a file in a folder that you may write"),
         ("--turn-period 0.4 --out A10.csv", "one of the inputs"),
         ("--turn-period 0.4 --out mine.csv", "holds no answers of a run before"),
+        ("--turn-period 0.4 --out linked.csv", "holds no answers of a run before"),
     ],
 )
 def test_what_is_wrong_is_one_line_and_status_2_and_overwrites_nothing(
     log, options, words, capsys, monkeypatch
 ):
     monkeypatch.chdir(file(log.parent, "mine", "mine.csv.kept").parent)
+    (log.parent / "linked.csv.kept").symlink_to("nowhere")
     before = log.read_bytes()
     assert command("estimate", log, options) == 2
     error = capsys.readouterr().err
