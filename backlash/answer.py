@@ -118,15 +118,18 @@ class Estimate:
 
 def describe_joint(joint: dict[str, tuple[float, float]]) -> list[str]:
     """Quantities that a user may compare with the data sheet."""
-    ring_hz = np.sqrt(joint["stiffness_per_s2"][0]) / (2 * np.pi)
+    stiffness = ""
+    if "stiffness_per_s2" in joint:
+        value = joint["stiffness_per_s2"][0]
+        ring_hz = np.sqrt(value) / (2 * np.pi)
+        stiffness = f"stiffness {value:.3g} per s^2 of the load's inertia ({ring_hz:.1f} Hz with the motor held), "
     # Fits may end a little below zero, where nothing is.
     filter_ms, soft_mrad = (max(joint[name][0], 0.0) for name in ("torque_filter_ms", "soft_mrad"))
     friction = ""
     if "friction_share" in joint:
         friction = f", load friction {joint['friction_share'][0]:.1%} of gravity"
     return [
-        f"stiffness {joint['stiffness_per_s2'][0]:.3g} per s^2 of the load's inertia ({ring_hz:.1f} Hz with the motor "
-        f"held), gear efficiency {1 / (1 + joint['loss'][0]):.2f}{friction}: as in the data sheet?",
+        f"{stiffness}gear efficiency {1 / (1 + joint['loss'][0]):.2f}{friction}: as in the data sheet?",
         f"gravity {joint['gravity_per_s2'][0]:.3g} per s^2, inertia ratio {joint['inertia_ratio'][0]:.3g} (by what was "
         f"given and by the log: right?), motor inertia {joint['motor_inertia'][0]:.3g} torque s^2/rad, torque "
         f"{joint['torque_delay_ms'][0]:.1f} ms late and low-passed by {filter_ms:.1f} ms; teeth softer "

@@ -133,7 +133,7 @@ def measure_log(population: str, number: int) -> dict[str, object]:
     answer = ask_sensor(misjudge(rng, log), gear_ratio=gear_ratio)
     row = {"population": population, "delta_rad": delta} | describe_answer(answer)
     if answer.verdict == "backlash" and answer.joint:
-        told = ((name, *answer.joint[name]) for name in TOLD)
+        told = ((name, *answer.joint[name]) for name in TOLD if name in answer.joint)
         row |= {name: (value - log.true[name]) / sd for name, value, sd in told}
     return row
 

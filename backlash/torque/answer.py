@@ -33,7 +33,7 @@ from backlash.torque.problem import (
     weigh_prior,
 )
 from backlash.torque.problem import SETTINGS as COMPARISON
-from backlash.torque.search import Candidate, descend, evaluate, hold_delta, search
+from backlash.torque.search import Candidate, descend, evaluate_beside, hold_delta, search
 from backlash.torque.strokes import measure_strokes, state_strokes, trace_strokes
 from backlash.torque.unknowns import IS_LOGARITHM, NAMES, TABLE
 from backlash.turns import end_by_gravity, is_to_and_fro, periodic, settled_turns, turn_phases
@@ -49,8 +49,8 @@ class AnswerLimits:
 
     # Errors of the model beyond noise, by which the stated SD is that of the errors on joints: a share of the gap, and
     # one of the soft part, which bends rather than breaks, or stands for what else the model lacks.
-    method_error: float = 0.03
-    soft_error: float = 0.1
+    method_error: float = 0.025
+    soft_error: float = 0.05
     # Joints without soft teeth are fitted with a soft part of about this size.
     least_soft_sd_mrad: float = 0.1
     least_sd_rad: float = 5e-6  # half a count of 19 bits
@@ -81,10 +81,11 @@ class AnswerLimits:
     # Harmonics of the speed beyond four SDs: without them nothing but what was given of the load tells the gap's scale.
     least_lines: int = 2
     line_sds: float = 4.0
-    # Running means of speed and torque that are tried, for all from 11 to 20 ms, and chi squared by which one may fit
-    # less.
+    # Running means of speed and torque that are tried, for all from 11 to 20 ms; chi squared by which one may fit less,
+    # and half widths of the interval from which on its backlash is another: those of joints lie within 1.25.
     means_s: tuple[float, ...] = (0.012, 0.016)
     rival_mean: float = 6.0
+    other_backlash: float = 1.25
     negligible_rad: float = 5e-5  # 0.015 mm at an arm of 0.3 m; less is "no backlash"
 
 
@@ -146,7 +147,9 @@ def fit_torque(recording: Recording, torque: FloatArray, load: LoadData) -> Torq
         interval_rad=interval,
         is_none=is_none,
         chi_squared=best.chi2 / problem.size,
-        joint=_quantities(best, covariance, rivals, scale, measured.movement.gear_ratio, is_none),
+        joint=_quantities(
+            problem, best, covariance, rivals, scale, measured.movement.gear_ratio, is_none
+        ),
         trace=trace(problem, best),
         strokes=measured.movement.strokes,
     )
@@ -341,9 +344,12 @@ def _refuse_mean(
     """
     if any(window.order.size < COMPARISON.least_harmonics for window in left.compared.windows):
         return
-    own, other = (descend(each, evaluate(each, best.theta), 1e-4) for each in (left, undone))
+    own, other = (
+        descend(each, evaluate_beside(each, best, best.theta), 1e-4) for each in (left, undone)
+    )
     fits = other.chi2 < own.chi2 + LIMITS.rival_mean
-    if fits and not interval[0] <= other.delta_rad <= interval[1]:
+    low, high = best.delta_rad + LIMITS.other_backlash * (np.array(interval) - best.delta_rad)
+    if fits and not low <= other.delta_rad <= high:
         raise Refusal(
             f"if speed and torque are means over some {1e3 * mean_s:.0f} ms, {1e3 * other.delta_rad:.2g} mrad fits as "
             f"well as {1e3 * best.delta_rad:.2g} mrad; log what the drive measures, not what it averages",
@@ -400,6 +406,7 @@ def _check_joint(problem: Problem, best: Candidate, covariance: FloatArray) -> N
 
 
 def _quantities(
+    problem: Problem,
     best: Candidate,
     covariance: FloatArray,
     rivals: list[Candidate],
@@ -409,8 +416,9 @@ def _quantities(
 ) -> dict[str, tuple[float, float]]:
     """Quantities of the joint with their SDs: by noise, by the minima that fit nearly as well, by the model's errors.
 
-    The stiffness is that up to gravity's torque: a stiffer spring beside a soft part fits as well. Friction is told by
-    the instants at which teeth part, and they do not where there is no backlash.
+    The stiffness is that up to gravity's torque: a stiffer spring beside a soft part fits as well. It and the damping
+    are told by a ring that is compared, which harmonics of a slow turn do not reach. Friction is told by the instants
+    at which teeth part, and they do not where there is no backlash.
     """
     values = np.array([_up_to_gravity(each.theta) for each in (best, *rivals)])
     slope, moves = np.eye(len(TABLE)), 1e-6 * np.eye(len(TABLE))
@@ -429,6 +437,9 @@ def _quantities(
     joint = {unknown.printed: (each, own) for unknown, each, own in rows if unknown.printed}
     if is_none:
         del joint["friction_share"]
+    fastest = max(float(window.omega[-1]) for window in problem.compared.windows)
+    if fastest**2 < joint["stiffness_per_s2"][0]:
+        del joint["stiffness_per_s2"], joint["damping_ratio"]
     return joint
 
 

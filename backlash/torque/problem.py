@@ -185,7 +185,7 @@ class Minima(NamedTuple):
 
 
 OF_TURNS = Minima(20.0, 4, (0.02, 0.25, 0.5, 0.75, 0.95), 0.0, 1.0)
-OF_STROKES = Minima(50.0, 12, tuple(np.linspace(0.0, 1.0, 13)), 1.0, 2.0)
+OF_STROKES = Minima(50.0, 12, tuple(np.linspace(0.0, 1.0, 13)), 1.0, 2.5)
 
 
 class Problem(NamedTuple):

@@ -35,12 +35,12 @@ TABLE = (
         *("ln_stiffness", "1/s^2", "K, of the spring, over the load's inertia"),
         *(2 * math.log(TURN * 22.0), 1.0, 0.5),
         printed="stiffness_per_s2",
-        error=0.13,
+        error=0.1,
     ),
     Unknown(
         *("ln_damping", "1", "zeta, the spring's damping ratio", math.log(0.04), 0.5, 1.0),
         printed="damping_ratio",
-        error=0.4,
+        error=0.35,
     ),
     Unknown(
         *("soft_mrad", "mrad", "e, the soft part beyond the gap", 0.0, 0.2, 0.2, 0.015),
@@ -53,7 +53,7 @@ TABLE = (
     Unknown(
         *("friction", "1", "F, the load's friction over gravity", 0.0, 0.3, 0.2, 0.03),
         printed="friction_share",
-        error=0.004,
+        error=0.0025,
     ),
     Unknown("phase_rad", "rad", "gravity's angle where the turn begins", LOAD, math.inf, 0.1),
     Unknown(

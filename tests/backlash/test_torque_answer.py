@@ -11,10 +11,12 @@ import pytest
 
 import backlash
 from backlash import Reason
+from backlash.answer import describe_joint
 from backlash.load_data import LoadData, load_from_masses
 from backlash.torque import answer as rules
 from backlash.torque.problem import Problem, measure_turn, state_problem
 from backlash.torque.search import evaluate
+from backlash.turns import TURN
 from replication.files import ROOT
 from replication.joint import GRAVITY
 from replication.records import Recording
@@ -299,15 +301,17 @@ def test_misfit_interval_and_quantities_of_a_known_joint_are_the_known_ones(plai
     assert load_given.chi2 == pytest.approx(192.9849264, rel=1e-8)
     covariance = rules._covariance(made, load_given)
     interval, is_none = rules._pool_intervals(made, load_given, covariance, [], 1.0)
-    assert interval == pytest.approx((9.0749178280e-4, 1.0610169601e-3), rel=1e-8)
+    assert interval == pytest.approx((9.1456944307e-4, 1.0537859290e-3), rel=1e-8)
     assert not is_none
-    assert rules._quantities(load_given, covariance, [], 1.0, plain.gear_ratio, False) == {
+    fit = load_given, covariance, [], 1.0, plain.gear_ratio, False
+    told = rules._quantities(made, *fit)
+    assert told == {
         name: pytest.approx(numbers, rel=1e-8)
         for name, numbers in {
-            "stiffness_per_s2": (44523.715883, 5884.740971),
-            "damping_ratio": (0.019063114292, 0.0083689137628),
+            "stiffness_per_s2": (44523.715883, 4577.3227427),
+            "damping_ratio": (0.019063114292, 0.00751073434),
             "soft_mrad": (0.01, 0.13428184051),
-            "friction_share": (0.18, 0.004095635207),
+            "friction_share": (0.18, 0.0026503259703),
             "gravity_per_s2": (32.297828537, 1.2116576792),
             "speed_lag_ms": (0.57, 0.62578527361),
             "inertia_ratio": (2.3396468519, 0.27469778126),
@@ -317,3 +321,11 @@ def test_misfit_interval_and_quantities_of_a_known_joint_are_the_known_ones(plai
             "torque_filter_ms": (0.2, 2.3651006912),
         }.items()
     }
+    # A ring of 33.6 Hz that the compared harmonics do not reach tells neither stiffness nor damping.
+    [window] = made.compared.windows
+    for fastest_hz, is_told in ((33.7, True), (33.5, False)):
+        slower = window._replace(omega=window.omega * TURN * fastest_hz / window.omega[-1])
+        slow = made._replace(compared=made.compared._replace(windows=(slower,)))
+        joint = rules._quantities(slow, *fit)
+        assert ("stiffness_per_s2" in joint, "damping_ratio" in joint) == (is_told, is_told)
+        assert describe_joint(joint)[0].startswith("stiffness" if is_told else "gear efficiency")

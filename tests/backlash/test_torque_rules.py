@@ -90,7 +90,7 @@ def test_the_interval_holds_noise_the_methods_error_and_half_a_count(decide, chi
     assert (fit.delta_rad, fit.is_none, held) == (pytest.approx(9e-4), False, 0)
     assert fit.chi_squared == chi2 / 100
     scale = max(chi2 / 100, 1)
-    sd = np.sqrt(scale * 3e-5**2 + (0.03 * 9e-4) ** 2 + 5e-6**2)
+    sd = np.sqrt(scale * 3e-5**2 + (0.025 * 9e-4) ** 2 + 5e-6**2)
     expected = (9e-4 - 1.96 * sd, 9e-4 + 1.96 * sd)
     assert fit.interval_rad == pytest.approx(expected, rel=1e-4)
     assert decide(candidate(0.9, chi2), of_held=chi2 + 15.9 * scale) == Reason.AMBIGUOUS
@@ -102,7 +102,7 @@ def test_minima_count_by_how_well_they_fit_until_they_are_no_answer(decide):
     assert decide(candidate(0.9), candidate(1.0, 116.1))[0].interval_rad == alone
     low, high = decide(candidate(0.9), candidate(1.0, 106.0))[0].interval_rad
     # Of two normal laws, one of which has a weight of exp(-6 / 4), 2.5 % lie beyond either end.
-    sd = np.sqrt(3e-5**2 + (0.03 * np.array([9e-4, 1e-3])) ** 2 + 5e-6**2)
+    sd = np.sqrt(3e-5**2 + (0.025 * np.array([9e-4, 1e-3])) ** 2 + 5e-6**2)
     weight = np.array([1, np.exp(-1.5)]) / (1 + np.exp(-1.5))
     for end, share in ((low, 0.025), (high, 0.975)):
         assert weight @ norm.cdf((end - np.array([9e-4, 1e-3])) / sd) == pytest.approx(share, 1e-3)
@@ -128,7 +128,7 @@ def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_wors
     assert (fit.is_none, held) == (True, 0.05)
     assert fit.interval_rad[0] == 0
     # 0.05 mrad is 0.01 and 1.96 SDs.
-    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.0003**2)
+    sd = np.sqrt((0.04 / 1.96) ** 2 - 0.005**2 - 0.00025**2)
     assert decide(candidate(0.01), sd_mrad=0.995 * sd)[0].is_none
     assert decide(candidate(0.01), sd_mrad=1.005 * sd) == Reason.TOO_NOISY
     none = {"sd_mrad": 0.01}
@@ -138,8 +138,8 @@ def test_what_is_negligible_is_none_if_it_fits_and_what_is_not_fits_clearly_wors
 
 
 def test_a_backlash_within_a_fifth_is_an_answer_and_a_wider_one_is_not(decide):
-    # With a method's error of 3 % and half a count.
-    sd = np.sqrt(0.2**2 - 0.03**2 - 0.005**2)
+    # With a method's error of 2.5 % and half a count.
+    sd = np.sqrt(0.2**2 - 0.025**2 - 0.005**2)
     assert decide(candidate(1.0), sd_mrad=0.999 * sd)[0].delta_rad == 1e-3
     assert decide(candidate(1.0), sd_mrad=1.001 * sd) == Reason.TOO_NOISY
 
@@ -157,9 +157,32 @@ def test_a_soft_part_makes_room_for_a_smaller_gap_and_no_more_than_it_is_for_a_l
     both = -0.5 * sd_mrad**2
     covariance[np.ix_([DELTA, SOFT], [DELTA, SOFT])] = [[0.02, both], [both, sd_mrad**2]]
     delta, *sds = rules._deviations(theta, covariance)
-    own = 1e-6 * (0.02 + 0.5 * both) + 3e-5**2 + (5e-6 + 0.1 * soft) ** 2
+    own = 1e-6 * (0.02 + 0.5 * both) + 2.5e-5**2 + (5e-6 + 0.05 * soft) ** 2
     room = 0.5e-3 * np.array([sd_mrad, most_mrad])
     assert (delta, *sds) == pytest.approx((1e-3, *np.sqrt(own + room**2)), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("other_mrad", "more", "words"),
+    [
+        (1.051, 5.9, "means over some 12 ms, 1.1 mrad"),
+        (0.874, 5.9, "means over some 12 ms, 0.87 mrad"),
+        (1.051, 6.1, None),
+        (1.049, 5.9, None),
+        (0.876, 5.9, None),
+    ],
+)
+def test_a_mean_of_speed_and_torque_is_refused_if_a_backlash_beyond_the_interval_fits(
+    monkeypatch, other_mrad, more, words
+):
+    best, both = candidate(1.0), [candidate(1.0), candidate(other_mrad, 100.0 + more)]
+    monkeypatch.setattr(rules, "evaluate_beside", Mock(side_effect=both))
+    monkeypatch.setattr(rules, "descend", lambda problem, begin, tolerance: begin)
+    windows = (SimpleNamespace(order=np.arange(30)),)
+    problem = Problem(SimpleNamespace(windows=windows), None)
+    # A quarter beyond either end.
+    with refused_for(words):
+        rules._refuse_mean(problem, problem, 0.012, best, (0.9e-3, 1.04e-3))
 
 
 @pytest.mark.parametrize(("significant", "words"), [(2, None), (1, "leaves 1 of its harmonics")])
