@@ -257,10 +257,8 @@ def write_page(sheet: DataFrame, engine: DataFrame) -> str:
             for row in [*turns.itertuples(), *strokes.itertuples(), *engine.itertuples()]
         ),
         "",
-        f"Other quantities within {NORMAL_95} SDs, of those told (a slow turn tells no stiffness and damping): "
-        + ", ".join(
-            f"{name.split('_')[0]} {total[name]} of {total[f'{name}_told']}" for name in TOLD
-        )
+        f"Quantities within {NORMAL_95} SDs, where told: "
+        + ", ".join(f"{name.split('_')[0]} {total[name]}/{total[f'{name}_told']}" for name in TOLD)
         + ".",
         "",
         "MuJoCo is an independent physics engine; its gears drag in the gap, all six of its arm's yield.",

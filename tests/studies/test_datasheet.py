@@ -52,4 +52,6 @@ def test_the_page_is_made_of_the_kept_tables_and_has_at_most_300_words():
 
 def test_nine_of_ten_quantities_are_within_their_intervals():
     turns = pd.read_csv(ROOT / "results" / "datasheet.csv").iloc[: len(datasheet.TURNS)]
-    assert turns[[*datasheet.TOLD]].sum().min() >= 0.9 * turns["answered"].sum() > 40
+    counts = turns.sum(numeric_only=True)
+    for name in datasheet.TOLD:
+        assert counts[name] >= 0.9 * counts[f"{name}_told"] > 40
