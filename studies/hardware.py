@@ -161,7 +161,7 @@ def fit_rigid_load(log: JointLog) -> dict[str, float]:
 
 def measure_all() -> pd.DataFrame:
     """What the sensor says of every log."""
-    return pd.DataFrame([measure_log(str(name)) for name in list_logs().index])
+    return pd.DataFrame(map(measure_log, list_logs().index))
 
 
 def measure_log(name: str) -> dict[str, Any]:

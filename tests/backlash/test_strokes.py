@@ -216,6 +216,6 @@ def test_a_torque_that_was_logged_beside_a_position_is_no_running_mean():
 
 
 def test_a_running_mean_of_the_torque_gets_no_answer():
-    fault = Fault(torque_mean_s=0.025)
+    fault = Fault(torque_mean=50)
     log = draw_log(np.random.default_rng((83, 0)), DELTA, 0.1, 0.05, fault, TO_AND_FRO)
     assert answer(log).verdict == "cannot tell"

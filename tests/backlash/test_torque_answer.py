@@ -141,7 +141,7 @@ LACKING = [
         Reason.AMBIGUOUS,
         lambda _: draw_log(
             *(np.random.default_rng((41, 2)), DELTA, 0.1, 0.05),
-            fault=Fault(torque_mean_s=0.016, speed_mean_s=0.016),
+            fault=Fault(torque_mean=32, speed_mean=32),
         ),
     ),
     (
