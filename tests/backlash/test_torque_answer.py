@@ -11,7 +11,7 @@ import pytest
 
 import backlash
 from backlash import Reason
-from backlash.load_data import LoadData, load_from_masses
+from backlash.load_data import LoadData
 from backlash.torque import answer as rules
 from backlash.torque.problem import Problem, measure_turn, state_problem
 from backlash.torque.search import evaluate
@@ -172,26 +172,18 @@ def test_a_wrong_gear_ratio_is_refused_and_the_right_one_named(plain, factor):
     assert f"--gear-ratio {plain.gear_ratio:.0f}" in estimate.explanation
 
 
-def masses_of(log: JointLog) -> dict:
-    """The load's data of a log, with a motor of 1e-4 kg m^2 and a load of 60 kg."""
-    inertia = 1e-4 * log.inertia_ratio * log.gear_ratio**2
-    return {
-        "motor_inertia_kgm2": 1e-4,
-        "load_mass_kg": 60,
-        "load_arm_m": log.gravity_per_s2 * inertia / (60 * GRAVITY),
-        "load_inertia_kgm2": inertia,
-    }
-
-
 def answer_by_masses(log: JointLog) -> backlash.Estimate:
-    measured = {"unit": "rps", "torque": log.torque, "gear_ratio": log.gear_ratio}
-    return backlash.estimate(log.t, log.v, **measured, **masses_of(log))
-
-
-def test_a_load_is_given_by_its_ratios_or_by_its_masses(plain):
-    load = load_from_masses(plain.gear_ratio, **masses_of(plain))
-    ratios = (load.inertia_ratio, load.gravity_per_s2)
-    assert ratios == pytest.approx((plain.inertia_ratio, plain.gravity_per_s2), rel=1e-12)
+    """The answer by a motor of 1e-4 kg m^2 and a load of 60 kg in place of the load's ratios."""
+    inertia = 1e-4 * log.inertia_ratio * log.gear_ratio**2
+    return answer(
+        log,
+        inertia_ratio=None,
+        gravity_per_s2=None,
+        motor_inertia_kgm2=1e-4,
+        load_mass_kg=60,
+        load_arm_m=log.gravity_per_s2 * inertia / (60 * GRAVITY),
+        load_inertia_kgm2=inertia,
+    )
 
 
 def answer_as_given(rng, delta: float, friction: float, loss: float) -> backlash.Estimate:
