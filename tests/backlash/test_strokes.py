@@ -14,7 +14,13 @@ from backlash.torque.strokes import measure_strokes, state_strokes
 from backlash.torque.unknowns import NAMES
 from replication.records import Recording
 from studies.simulated_joints import CONTROL_S, TO_AND_FRO, TURN, Fault, draw_log, stroke_speeds
-from tests.backlash.test_torque_answer import DELTA, answer, answers_under_other_kernels, is_covered
+from tests.backlash.test_torque_answer import (
+    DELTA,
+    answer,
+    answers_under_other_kernels,
+    is_covered,
+    numbers_of,
+)
 
 RATIO, GRAVITY = 100.0, 30.0
 
@@ -133,8 +139,7 @@ def test_what_is_compared_is_the_same_whatever_a_logs_last_bits_are(drawn):
 def test_under_other_kernels_the_answer_is_the_same_to_1e_9(answered):
     drawn = "draw_log(np.random.default_rng((83, 0)), DELTA, 0.1, 0.05, ranges=TO_AND_FRO)"
     [there] = answers_under_other_kernels(f"[answer({drawn})]")
-    expected = (answered.backlash_rad, answered.chi_squared)
-    assert (there["backlash_rad"], there["chi_squared"]) == pytest.approx(expected, rel=1e-9)
+    assert numbers_of(there) == pytest.approx(numbers_of(answered.to_dict()), rel=1e-9)
 
 
 def test_a_trial_far_from_any_joint_has_no_motion_and_is_no_defect(problem):
