@@ -33,7 +33,7 @@ from backlash.torque.problem import (
     weigh_prior,
     wind_up_share,
 )
-from backlash.torque.search import Candidate, Move, distinct, move
+from backlash.torque.search import Candidate
 from backlash.torque.unknowns import NAMES
 from backlash.turns import Harmonics
 from replication.records import Recording
@@ -339,20 +339,3 @@ def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmon
         acceleration[line - 1] = 0.5
         speed = Harmonics(order, omega, acceleration / (2 * omega), np.zeros(100))
         assert largest_ripple(speed) == pytest.approx(expected, abs=1e-12)
-
-
-def test_candidates_beside_another_and_those_that_are_the_same():
-    problem = a_problem()
-    problem.prior.mean[[DELAY, SOFT]] = 7.0, 0.0
-    theta = candidate(0.5).theta
-    moved = move(problem, theta, Move(-1.0, 0.15))
-    assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
-    assert (moved[STIFFNESS], moved[SOFT], moved[DELAY]) == (0.15, 0, 0)
-    soft = move(problem, theta, Move(softer_mrad=0.3, usual=(DELAY,)))
-    assert tuple(soft[[DELTA, SOFT, DELAY]]) == pytest.approx((0.35, 0.3, 7.0))
-    assert move(problem, soft, Move(low_passed_ms=5.0))[FILTER] == 5.0
-    again = move(problem, soft, Move(usual=(SOFT,)))
-    assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
-    near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
-    chosen = [each.theta[DELTA] for each in distinct(near, 0.03)]
-    assert chosen == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad
