@@ -6,12 +6,13 @@ page notebooks/datasheet.md.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.random import Generator
-from pandas import DataFrame
+from pandas import DataFrame, MultiIndex, concat
 from scipy.stats import binomtest
 
 from backlash.estimates import Estimate, estimate
@@ -70,8 +71,8 @@ _FAULTS = {
     "torque low-passed at 30 Hz": Fault(torque_filter_s=1 / (TURN * 30)),
     "second axis at half the turn's rate": Fault(second_axis=0.05, second_axis_turns=0.5),
     "second axis at 1.5 times the turn's rate": Fault(second_axis=0.05, second_axis_turns=1.5),
-    "torque a mean over 25 ms": Fault(torque_mean_s=0.025),
-    "speed and torque means over 16 ms": Fault(torque_mean_s=0.016, speed_mean_s=0.016),
+    "torque a mean over 25 ms": Fault(torque_mean=50),
+    "speed and torque means over 16 ms": Fault(torque_mean=32, speed_mean=32),
     "each value held for 4 samples": Fault(held=4),
     "teeth soft to 0.4 over 0.3 mrad": Fault(soft_share=0.4, soft_rad=3e-4),
     "teeth soft to 0.6 over 0.2 mrad": Fault(soft_share=0.6, soft_rad=2e-4),
@@ -148,10 +149,10 @@ def misjudge(rng: Generator, log: JointLog) -> JointLog:
 
 def ask_sensor(log: JointLog, **others: Any) -> Estimate:
     """What the sensor says of a log, with other options than the log's own."""
-    names = ("torque", "gear_ratio", "inertia_ratio", "gravity_per_s2")
-    given = {"unit": "rps"} | {name: getattr(log, name) for name in names} | others
+    given = {"unit": "rps"} | log._asdict() | others
+    t, _ = given.pop("t"), given.pop("true")
     try:
-        return estimate(log.t, log.v, **given)
+        return estimate(t, **given)
     except Refusal as refusal:  # of the record, before any fit
         return Estimate("").with_refusal(refusal)
 
@@ -162,7 +163,7 @@ def describe_answer(answer: Estimate) -> dict[str, object]:
     return {
         "verdict": answer.verdict,
         "reason": answer.reason or "",
-        "backlash_rad": math.nan if answer.backlash_rad is None else answer.backlash_rad,
+        "backlash_rad": answer.backlash_rad,
         "low_rad": low,
         "high_rad": high,
     }
@@ -176,13 +177,12 @@ def summarise(rows: DataFrame) -> DataFrame:
     SDs of the truth, of those that tell it.
     """
     is_ill = rows["delta_rad"] > 0
-    is_answered = rows["verdict"] == "backlash"
-    is_cleared = rows["verdict"] == "no backlash"
-    is_refused = rows["verdict"] == "cannot tell"
+    is_answered, is_cleared, is_refused = (
+        rows["verdict"] == verdict for verdict in ("backlash", "no backlash", "cannot tell")
+    )
     is_covered = is_ill & is_answered & rows["delta_rad"].between(rows["low_rad"], rows["high_rad"])
     is_right = is_covered | (~is_ill & is_cleared)
-    true = {(name, reason.value) for name in FAULTS for reason in TRUE_REASONS[name]}
-    says_why = [each in true for each in rows[["population", "reason"]].itertuples(index=False)]
+    true = [(name, reason.value) for name in FAULTS for reason in TRUE_REASONS[name]]
     errors = rows.reindex(columns=[*TOLD]).where(is_ill & is_answered).abs()
     counted = {
         "joints": is_ill,
@@ -193,16 +193,17 @@ def summarise(rows: DataFrame) -> DataFrame:
         "healthy_called": ~is_ill & is_answered,
         "healthy_cleared": ~is_ill & is_cleared,
         "right": is_right,
-        "true_reason": says_why,
+        "true_reason": MultiIndex.from_frame(rows[["population", "reason"]]).isin(true),
         "wrong": ~is_refused & ~is_right,
         **(errors < NORMAL_95),
         **errors.notna().add_suffix("_told"),
     }
     counts = DataFrame(counted).groupby(rows["population"], sort=False).sum()
-    counts["reasons"] = ""
-    for name, reasons in rows[is_refused].groupby("population")["reason"]:
-        usual = reasons.value_counts().items()
-        counts.loc[name, "reasons"] = "; ".join(f"{reason} {count}" for reason, count in usual)
+    reasons = rows["reason"].where(is_refused).groupby(rows["population"], sort=False)
+    counts["reasons"] = [
+        "; ".join(f"{reason} {count}" for reason, count in each.value_counts().items())
+        for _, each in reasons
+    ]
     return counts.reset_index()
 
 
@@ -221,19 +222,18 @@ def summarise_engine(rows: DataFrame) -> DataFrame:
 
 def _write_ranges(wide: DataFrame) -> list[str]:
     """A table of the wider range, turns by rings."""
-    cells = [f"{row.covered} / {row.answered} / {row.joints}" for row in wide.itertuples()]
+    cells = iter(f"{row.covered} / {row.answered} / {row.joints}" for row in wide.itertuples())
     heads = ["Ring, by turn", *(f"{low:g}-{high:g} s" for low, high in WIDE_TURNS_S)]
     lines = [heads, ["-"] * len(heads)]
-    for (low, high), row in zip(WIDE_RINGS_HZ, np.reshape(cells, (2, -1)), strict=True):
-        lines.append([f"{low:g}-{high:g} Hz", *row])
+    for low, high in WIDE_RINGS_HZ:
+        lines.append([f"{low:g}-{high:g} Hz", *islice(cells, len(WIDE_TURNS_S))])
     return [f"| {' | '.join(line)} |" for line in lines]
 
 
 def write_page(sheet: DataFrame, engine: DataFrame) -> str:
     """The page: turns by friction and loss, the physics engine's, faults, limits; at most 300 words."""
-    sheet = sheet.set_index("population", drop=False)
     turns, wide, faults, strokes = (
-        sheet[sheet.index.isin(names)] for names in (TURNS, WIDE, FAULTS, STROKES)
+        sheet[sheet["population"].isin(names)] for names in (TURNS, WIDE, FAULTS, STROKES)
     )
     total = turns.sum(numeric_only=True).astype(int)
     lines = [
@@ -254,7 +254,7 @@ def write_page(sheet: DataFrame, engine: DataFrame) -> str:
         *(
             f"| {row.population} | {row.answered} of {row.joints} | {row.covered} | "
             f"{row.healthy_called} of {row.healthy} |"
-            for row in [*turns.itertuples(), *strokes.itertuples(), *engine.itertuples()]
+            for row in concat([turns, strokes, engine]).itertuples()
         ),
         "",
         f"Quantities within {NORMAL_95} SDs, where told: "

@@ -36,8 +36,6 @@ STROKES = "strokes"
 LOGS = {TURNS: 60, HEALTHY: 20, DRAG: 40, ARM: 20, STROKES: 10}
 # Half plays [rad] of an arm's turning joint, and of its shoulder and elbow: each arm is asked with all four.
 ARM_PLAYS_RAD = ((0.0, 0.0), (6e-4, 0.0), (1.2e-3, 0.0), (0.0, 1.2e-3))
-BY_POSITION = {"position": True, "unit": "rad"}
-BY_SPEED_ALONE = dict.fromkeys(("torque", "inertia_ratio", "gravity_per_s2"))
 _ENCODER_RAD = TURN / 2**17
 _UPRIGHT, _FORWARD = (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)  # axes of hinges
 
@@ -105,19 +103,25 @@ def build_model(machine: Machine, step_s: float) -> Any:
         gear = spec.add_tendon(stiffness=joint.K_s, springlength=[-delta, delta])
         gear.wrap_joint(f"rotor {k}", 1 / joint.N)
         gear.wrap_joint(f"link {k}", -1)
-        motor = spec.add_actuator(target=f"rotor {k}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+        motor = spec.add_actuator(
+            target=f"rotor {k}",
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            dyntype=mujoco.mjtDyn.mjDYN_FILTEREXACT,
+        )
         motor.dynprm[0] = joint.torque_lag
     return spec.compile()
 
 
 def _add_link(parent: Any, name: str, link: Link, coulomb: float, viscous: float) -> Any:
     """Put a link on a body, by a hinge that rubs."""
-    body = parent.add_body(pos=link.place_m, quat=[1, 0, int(link.is_turned), 0])
-    body.explicitinertial = True
-    body.mass = link.mass_kg
-    body.ipos = link.centre_m
-    body.inertia = link.inertia_kgm2
+    body = parent.add_body(
+        pos=link.place_m,
+        quat=[1, 0, int(link.is_turned), 0],
+        explicitinertial=True,
+        mass=link.mass_kg,
+        ipos=link.centre_m,
+        inertia=link.inertia_kgm2,
+    )
     body.add_joint(name=name, axis=link.axis, frictionloss=coulomb, damping=viscous)
     return body
 
@@ -327,18 +331,14 @@ def run_strokes(machine: Machine, rng: Generator) -> FloatArray:
     return run_engine(at_start, path_from(0.0, joint.N * speed))
 
 
-def log_of(population: str, number: int) -> JointLog:
+def log_machine(machine: Machine, rng: Generator, is_stroke: bool) -> JointLog:
     """What a drive with an encoder of 17 bits logs of a machine, by its position [rad]; and what is said of its load.
 
-    The torque's noise is 0.5 % of gravity's torque; inertia ratio and gravity are misjudged by 3 and 2 % (SD). The logs
-    of an arm have the same noise.
+    The torque's noise is 0.5 % of gravity's torque; inertia ratio and gravity are misjudged by 3 and 2 % (SD).
     """
-    drawn = number // len(ARM_PLAYS_RAD) if population == ARM else number
-    rng = _generator(population, drawn, 1)
-    machine = draw_machine(population, number)
     joint = machine.joints[-1]
     every = int(rng.choice([2, 4]))  # periods between samples
-    rows = run_strokes(machine, rng) if population == STROKES else run_turns(machine)
+    rows = run_strokes(machine, rng) if is_stroke else run_turns(machine)
     position, _, torque = rows[::every].T
     inertia, gravity = np.exp(rng.standard_normal(2) * (0.03, 0.02))
     return JointLog(
@@ -356,20 +356,27 @@ def log_of(population: str, number: int) -> JointLog:
 
 
 def measure_log(population: str, number: int) -> dict[str, object]:
-    """Ask the sensor of a log: by the torque, and of an arm for the index A, too; or measure a step of the twin."""
+    """Ask the sensor of a log: by the torque, and of an arm for the index A, too; or measure a step of the twin.
+
+    The logs of an arm have the same noise.
+    """
     row: dict[str, object] = {"population": population, "number": number}
     if population == TWIN:
         step_s = TWIN_STEPS_S[number]
         return row | {"delta_rad": TWIN_DELTA_RAD, "step_s": step_s, "nrmse": measure_twin(step_s)}
-    machine, log = draw_machine(population, number), log_of(population, number)
+    machine = draw_machine(population, number)
+    drawn = number // len(ARM_PLAYS_RAD) if population == ARM else number
+    log = log_machine(machine, _generator(population, drawn, 1), population == STROKES)
+    by_position = {"position": True, "unit": "rad"}
     row |= {
         "delta_rad": machine.deltas_rad[-1],
         "others_rad": max(machine.deltas_rad[:-1], default=0.0),
         "drag": machine.drag,
-        **describe_answer(ask_sensor(log, **BY_POSITION)),
+        **describe_answer(ask_sensor(log, **by_position)),
     }
     if population == ARM:
-        row["amplitude_rps"] = ask_sensor(log, **BY_POSITION, **BY_SPEED_ALONE).amplitude_rps
+        without = dict.fromkeys(("torque", "inertia_ratio", "gravity_per_s2"))
+        row["amplitude_rps"] = ask_sensor(log, **by_position, **without).amplitude_rps
     return row
 
 

@@ -55,7 +55,7 @@ KEPT = {
         lambda population: summarise(datasheet.measure_all([population])),
         -1,
     ),
-    "hardware": Kept("hardware", hardware.measure_all, lambda log: hardware.measure_log(log)),
+    "hardware": Kept("hardware", hardware.measure_all, hardware.measure_log),
     "refusals": Kept("refusals", refusals.measure_all, refusals.measure_all),
     "engine": Kept("engine", engine.measure_all, engine.measure_log, 3),
 }

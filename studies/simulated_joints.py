@@ -36,13 +36,13 @@ class Fault(NamedTuple):
     transmission_rad: float = 0.0  # amplitude of the gear's error, of the load's angle
     transmission_order: float = 1.0  # its periods in a load turn
     late_torque_s: float = 0.0
-    torque_filter_s: float = 0.0  # time constant of a low-pass of the logged torque
+    torque_filter_s: float = 1e-9  # time constant of a low-pass of the logged torque
     soft_share: float = 1.0  # of the stiffness that is left within `soft_rad` beyond the gap
     soft_rad: float = 0.0
     drag: float = 0.0  # share of the damping that acts in the gap, too
     held: int = 1  # samples over which each logged value stands
-    torque_mean_s: float = 0.0  # over which the log's torque is a running mean
-    speed_mean_s: float = 0.0
+    torque_mean: int = 1  # periods of the control over which the log's torque is a running mean
+    speed_mean: int = 1
 
 
 class DrivenJoint(NamedTuple):
@@ -140,9 +140,7 @@ def run_joint(joint, fault, path, angle, hanging):
         command = pending
         pending = joint.speed_gain * error + integral
         seen[i, 0] = measured
-        logged += (torque - logged) * (
-            1 - np.exp(-CONTROL_S / fault.torque_filter_s) if fault.torque_filter_s > 0 else 1.0
-        )
+        logged += (torque - logged) * (1 - np.exp(-CONTROL_S / fault.torque_filter_s))
         seen[i, 1] = logged
         for j in range(round(CONTROL_S / _STEP_S)):
             t = i * CONTROL_S + j * _STEP_S
@@ -270,11 +268,10 @@ def keeps_speed(joint: DrivenJoint, seen: FloatArray, wanted: FloatArray) -> boo
     return bool(np.abs(seen[is_settled, 0] / wanted[is_settled] - 1).max() < _LARGEST)
 
 
-def running_mean(signal: FloatArray, lasts_s: float) -> FloatArray:
-    """The mean of a signal of each control period over the last ones."""
-    periods = max(round(lasts_s / CONTROL_S), 1)
-    padded = np.pad(signal, (periods - 1, 0), "edge")
-    return np.convolve(padded, np.full(periods, 1 / periods), "valid")
+def running_mean(signal: FloatArray, samples: int) -> FloatArray:
+    """The mean of a signal over each sample and those before it."""
+    padded = np.pad(signal, (samples - 1, 0), "edge")
+    return np.convolve(padded, np.full(samples, 1 / samples), "valid")
 
 
 def draw_log(
@@ -305,8 +302,8 @@ def log_joint(rng: Generator, joint: DrivenJoint, fault: Fault, seen: FloatArray
     """A log, with noise and a count of the torque, of what was measured in each control period."""
     every = int(rng.choice([2, 4, 6]))
     late = round(fault.late_torque_s / CONTROL_S)
-    v = running_mean(seen[:, 0], fault.speed_mean_s)[late::every]
-    torque = running_mean(seen[:, 1], fault.torque_mean_s)[: len(seen) - late : every]
+    v = running_mean(seen[:, 0], fault.speed_mean)[late::every]
+    torque = running_mean(seen[:, 1], fault.torque_mean)[: len(seen) - late : every]
     noise = rng.uniform([0, 0.002], [0.002, 0.01]) * (joint.speed, joint.gravity)
     noisy = np.array([v, torque]) + noise[:, None] * rng.standard_normal((2, v.size))
     v, torque = noisy[:, np.arange(v.size) // fault.held * fault.held]

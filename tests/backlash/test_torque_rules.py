@@ -33,7 +33,7 @@ from backlash.torque.problem import (
     weigh_prior,
     wind_up_share,
 )
-from backlash.torque.search import Candidate, Move, distinct, move
+from backlash.torque.search import Candidate
 from backlash.torque.unknowns import NAMES
 from backlash.turns import Harmonics
 from replication.records import Recording
@@ -334,19 +334,16 @@ def test_harmonics_up_to_100_hz_and_80_are_compared_but_for_the_motors_orders(
 
 
 def test_harmonics_are_rounded_below_their_noise_and_no_last_bit_moves_them():
-    rng = np.random.default_rng(3)
-    numbers = np.append(rng.normal(size=40) * np.logspace(-3, 3, 40), 0.0)
-    exact = Harmonics(np.arange(41), np.arange(41.0), numbers * (1 - 0.5j), np.full(41, 0.1))
+    numbers = np.random.default_rng(3).normal(size=40) * np.logspace(-3, 3, 40)
+    order = np.arange(40)
+    exact = Harmonics(order, 1.0 * order, numbers * (1 - 0.5j), np.full(40, 0.1))
     made = round_below_noise(exact)
     moved = np.abs(made.coefficient - exact.coefficient)
     assert (moved < np.maximum(0.125 * 0.1, 1.25e-4 * np.abs(exact.coefficient)) * 2**0.5).all()
-    assert moved.max() > 0.05
-    assert made.sd == pytest.approx(np.full(41, 0.1), rel=0.04)
-    assert made.coefficient[-1] == 0
     nearly = exact._replace(coefficient=(1 + 1e-9) * exact.coefficient, sd=(1 - 1e-9) * exact.sd)
     np.testing.assert_equal(round_below_noise(nearly), made)
     # Without noise nothing is lost but the digits of which the model errs by more.
-    noiseless = round_below_noise(exact._replace(sd=np.zeros(41)))
+    noiseless = round_below_noise(exact._replace(sd=np.zeros(40)))
     assert noiseless.coefficient == pytest.approx(exact.coefficient, rel=2.5e-4)
     assert (noiseless.sd == 0).all()
 
@@ -365,20 +362,3 @@ def test_a_ripple_is_a_line_that_stands_out_of_the_spectrum_from_the_16th_harmon
         acceleration[line - 1] = 0.5
         speed = Harmonics(order, omega, acceleration / (2 * omega), np.zeros(100))
         assert largest_ripple(speed) == pytest.approx(expected, abs=1e-12)
-
-
-def test_candidates_beside_another_and_those_that_are_the_same():
-    problem = a_problem()
-    problem.prior.mean[[DELAY, SOFT]] = 7.0, 0.0
-    theta = candidate(0.5).theta
-    moved = move(problem, theta, Move(-1.0, 0.15))
-    assert moved[DELTA] == pytest.approx(0.5 - (0.06 * 0.5 + 0.02))
-    assert (moved[STIFFNESS], moved[SOFT], moved[DELAY]) == (0.15, 0, 0)
-    soft = move(problem, theta, Move(softer_mrad=0.3, usual=(DELAY,)))
-    assert tuple(soft[[DELTA, SOFT, DELAY]]) == pytest.approx((0.35, 0.3, 7.0))
-    assert move(problem, soft, Move(low_passed_ms=5.0))[FILTER] == 5.0
-    again = move(problem, soft, Move(usual=(SOFT,)))
-    assert (again[DELTA], again[SOFT]) == pytest.approx((0.5, 0.0))
-    near = [candidate(delta, chi2) for delta, chi2 in ((0.5, 3), (0.5089, 1), (0.519, 2))]
-    chosen = [each.theta[DELTA] for each in distinct(near, 0.03)]
-    assert chosen == [0.5089, 0.519]  # less than 0.03 of a step of 0.3 mrad

