@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,16 +17,18 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from backlash import __version__
+from backlash import __version__, estimates
 from backlash.answer import Estimate
-from backlash.estimates import Request, examine_or_refuse, refused
-from backlash.log_list import Batch, TableOfLogs, read_batch
-from backlash.reading.sources import name_of
+from backlash.estimates import request_for
+from backlash.log_list import Batch, TableOfLogs, options_of, read_batch
+from backlash.reading.sources import name_of, naming
 from backlash.refusals import Refusal
+from replication.files import DISK_IS_FULL
 
 _FORMULA = re.compile(r"(^|[,;\t\r\n])(?=\s*[=+@\t\r-])")
 _WORTH_PROCESSES = 8  # a log takes a second, a process one to start
-Draw: TypeAlias = Callable[[Estimate, str], None]
+_QUOTED = re.compile(r"""(?<![\w.])(['"]).*?\1(?!\w)""")
+Numbered: TypeAlias = tuple[int, Estimate]
 
 
 def estimate_many(
@@ -70,24 +73,26 @@ def estimate_many(
 
 
 def run_batch(
-    batch: Batch, jobs: int = -1, journal: Path | None = None, draw: Draw | None = None
+    batch: Batch, jobs: int = -1, journal: Path | None = None, figures: Path | None = None
 ) -> Iterator[tuple[int, Estimate]]:
     """Examine many logs; their numbers and answers come in any order.
 
-    Answers are written into a journal, by which a run goes on where another was interrupted. `draw` is called with each
-    answer that has a fit, and the name of its figure.
+    Answers are written into a journal, by which a run goes on where another was interrupted. Of each answer that has a
+    fit a figure is written into a folder, or as the file that is named.
     """
     if jobs == 0 or jobs < -1:
         raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
-    calls = dict(enumerate(zip(batch.logs, batch.requests, strict=True)))
-    keys = {number: _key(*call) for number, call in calls.items()} if journal else {}
+    calls = dict(enumerate(zip(batch.logs, batch.rows, strict=True)))
+    keys = {number: _key(*call, batch.given) for number, call in calls.items()} if journal else {}
     earlier = read_journal(journal) if journal else {}
     for number, key in keys.items():
         if key in earlier:
             yield number, replace(earlier[key], file=name_of(calls.pop(number)[0]))
-    if jobs < 0 and len(calls) < _WORTH_PROCESSES:
+    if len(calls) < (_WORTH_PROCESSES if jobs < 0 else 2):
         jobs = 1
-    each = _examine_each(calls, jobs, draw)
+    # Defects of one log alone are told as such.
+    held = Exception if len(batch.logs) > 1 else Refusal
+    each = _examine_each(calls, jobs, partial(_examine_one, batch.given, figures, held))
     for number, answer in tqdm(each, total=len(calls), unit="log", disable=None, leave=False):
         yield number, answer
         if journal:
@@ -95,11 +100,11 @@ def run_batch(
                 file.write(json.dumps({"key": keys[number]} | vars(answer)) + "\n")
 
 
-def _key(log: object, request: Request | Refusal) -> str:
+def _key(log: object, *given: Mapping[Any, Any]) -> str:
     """What the answer on a log in its present state is kept under."""
     path = Path(os.path.realpath(name_of(log)))
     state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
-    return str(joblib.hash((__version__, path, state, request)))
+    return str(joblib.hash((__version__, path, state, given)))
 
 
 def read_journal(journal: Path) -> dict[str, Estimate]:
@@ -117,37 +122,66 @@ def read_journal(journal: Path) -> dict[str, Estimate]:
 
 
 def _examine_each(
-    calls: Mapping[int, tuple[object, Request | Refusal]], jobs: int, draw: Draw | None
-) -> Iterator[tuple[int, Estimate]]:
+    calls: Mapping[int, tuple[object, Mapping[Any, Any]]],
+    jobs: int,
+    examine: Callable[..., Numbered],
+) -> Iterator[Numbered]:
     """Examine each numbered log.
 
     A process that dies takes others with it and does not say on which log: what is left is tried again in halves.
     """
     remaining = dict(calls)
-    tasks = (joblib.delayed(_examine_one)(k, *call, draw) for k, call in calls.items())
+    tasks = (joblib.delayed(examine)(number, *call) for number, call in calls.items())
     with suppress(BrokenProcessPool):
         for number, answer in joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks):
             del remaining[number]
             yield number, answer
     if len(remaining) == 1:
         [(number, (log, _))] = remaining.items()
-        why = f"{name_of(log)}: the process that read it died; too large?"
-        yield number, refused(log, why)
+        yield number, refused(log, f"{name_of(log)}: the process that read it died; too large?")
     elif remaining:
         again = list(remaining.items())
         for half in (again[::2], again[1::2]):
-            yield from _examine_each(dict(half), jobs, draw)
+            yield from _examine_each(dict(half), jobs, examine)
 
 
 def _examine_one(
-    number: int, log: object, request: Request | Refusal, draw: Draw | None
-) -> tuple[int, Estimate]:
+    given: Mapping[str, Any],
+    figures: Path | None,
+    held: type[Exception],
+    number: int,
+    log: object,
+    row: Mapping[Any, Any],
+) -> Numbered:
+    """Examine one log; say why where that fails, in the ways that must not stop a thousand others."""
+    name = name_of(log)
     with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
-        answer = examine_or_refuse(log, request)
-        if draw and answer.trace:
-            name = re.sub(r"\W", "_", Path(name_of(log)).stem)[:100]
-            draw(answer, f"{number + 1:05d}_{name}.png")
+        try:
+            with naming(name):
+                request = request_for({**given, **options_of(row)})
+            answer = estimates.examine(log, request)
+        except held as error:
+            if isinstance(error, OSError) and error.errno in DISK_IS_FULL:  # for compiled code, too
+                raise
+            kind = "" if isinstance(error, Refusal) else f"{name}: {type(error).__name__}: "
+            why = f"{kind}{error}"
+            if not row.get("is_quoted", True):
+                asked = repr((given, row))
+                why = _QUOTED.sub(lambda text: text[0] if text[0] in asked else "'...'", why)
+            answer = refused(log, why)
+        if figures and answer.trace:
+            from backlash import plots
+
+            if figures.is_dir():
+                stem = re.sub(r"\W", "_", Path(name).stem)[:100]
+                figures /= f"{number + 1:05d}_{stem}.png"
+            plots.save_figure(plots.estimate_figure(answer), figures)
     return number, replace(answer, trace=None)
+
+
+def refused(log: object, why: str) -> Estimate:
+    """The answer on a log that cannot be used."""
+    return Estimate(name_of(log)).with_refusal(Refusal(why))
 
 
 def as_table(answers: Sequence[Estimate], keys: pd.DataFrame) -> pd.DataFrame:

@@ -4,7 +4,6 @@ import csv
 import io
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
@@ -12,11 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 import pandas as pd
 
-from backlash.estimates import GIVEN, Request, request_for
+from backlash.estimates import GIVEN, check_names, request_for
 from backlash.reading import limits
 from backlash.reading.columns import listed
 from backlash.reading.packed import check_size, is_parquet, read_parquet
-from backlash.reading.sources import name_of, naming, read_bytes
+from backlash.reading.sources import naming, read_bytes
 from backlash.reading.tables import text_of
 from backlash.refusals import Refusal
 
@@ -30,40 +29,36 @@ _TRUTHS |= dict.fromkeys(("no", "false", "n", "0"), False)
 
 
 class Batch(NamedTuple):
-    """Logs with what is asked of each, or why it cannot be; `keys` are joints and dates, if a table has them."""
+    """Logs, what a table's row says of each, and what is given of all; `keys` are joints and dates, if it has them."""
 
     logs: Sequence[Any]
-    requests: Sequence[Request | Refusal]
+    rows: Sequence[Mapping[Any, Any]]
     keys: pd.DataFrame
+    given: Mapping[str, Any]
 
 
 def read_batch(source: Sequence[object] | TableOfLogs, given: Mapping[str, Any]) -> Batch:
-    """Logs, and what is given of each by its row if they are in a table, else by keywords of `estimate`."""
+    """Logs, with what is given of each by its row if they are in a table, else by keywords of `estimate`."""
     if isinstance(source, Sequence) and not isinstance(source, str):
-        alike = [request_for(given)] * len(source)
-        return Batch(source, alike, pd.DataFrame(index=range(len(source))))
+        request_for(given)
+        return Batch(source, [{}] * len(source), pd.DataFrame(index=range(len(source))), given)
     if not isinstance(source, pd.DataFrame | str | PathLike):
         raise Refusal(
             f"one {type(source).__name__} of logs; give a list of them, or a pandas table with the column file"
         )
+    check_names(given)
     is_frame = isinstance(source, pd.DataFrame)
-    name = "the table" if is_frame else str(source)
-    with naming(name):
+    with naming("the table" if is_frame else str(source)):
         table = read_rows(source)
         _refuse_misspelt(table)
     logs = table["file"].tolist()
     if not is_frame:  # relative to the table
-        logs = [Path(name).parent / _text(cell).replace("\0", "?") for cell in logs]
+        logs = [Path(source).parent / _text(cell).replace("\0", "?") for cell in logs]
     keys = keys_of(table)
-    table = table.assign(is_dated=keys.get("date", table["file"]).notna())
-    requests: list[Request | Refusal] = []
-    for log, row in zip(logs, table.to_dict("records"), strict=True):
-        try:
-            request = request_for({**given, **options_of(row)})
-            requests.append(replace(request, is_quoted=is_frame))
-        except Refusal as refusal:
-            requests.append(Refusal(f"{name}, {Path(name_of(log)).name}: {refusal}"))
-    return Batch(logs, requests, keys)
+    # Not only the user may have named a log in a file: a refusal does not quote it.
+    is_dated = keys.get("date", table["file"]).notna()
+    rows = table.assign(is_dated=is_dated, is_quoted=is_frame).to_dict("records")
+    return Batch(logs, rows, keys, given)
 
 
 def _refuse_misspelt(table: pd.DataFrame) -> None:

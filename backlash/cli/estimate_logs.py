@@ -4,14 +4,13 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from backlash import estimates
 from backlash.answer import BACKLASH, CANNOT_TELL, NONE, Estimate
+from backlash.batch import as_table, run_batch
 from backlash.cli.options import Exit
 from backlash.estimates import GIVEN
 from backlash.log_list import KEYS, Batch, find_logs, read_batch
@@ -46,8 +45,6 @@ def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | Non
 
 def _is_ours(path: Path) -> bool:
     """Whether a file is a table that --out wrote, to which nothing was added, by its columns and verdicts."""
-    from backlash.batch import as_table
-
     read = pd.read_parquet if path.suffix.lower() == ".parquet" else pd.read_csv
     try:
         table = read(path)
@@ -80,13 +77,7 @@ def run(options: argparse.Namespace) -> int:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
-        each = _examine_alone(logs, options)
-    else:
-        from backlash.batch import run_batch
-
-        draw = partial(_draw, options.plots) if options.plots else None
-        each = run_batch(logs, options.jobs, journal, draw)
+    each = run_batch(logs, options.jobs, journal, options.plots or options.plot)
     # "joint" holds the joint's quantities.
     named = logs.keys.rename(columns={"joint": "joint_name"}).astype("string").fillna("")
     keys = named.to_dict("records")
@@ -109,37 +100,18 @@ def run(options: argparse.Namespace) -> int:
         raise Refusal(which + bad[0].explanation)
     if bad:
         print(f"{len(bad)} of {count} logs are not usable; their rows say why", file=sys.stderr)
+    if options.plot and answers[0].amplitude_rps is None and answers[0].chi_squared is None:
+        why = f"there is no fit to show ({answers[0].verdict})"
+        print(f"--plot: not written, {why}", file=sys.stderr)
     if not (options.json or options.jsonl or options.out):
         print(*answers, sep="\n")
     return Exit.DONE
 
 
-def _examine_alone(logs: Batch, options: argparse.Namespace) -> Iterator[tuple[int, Estimate]]:
-    """Answer for one log, whose defects are not held back as those of one among many are."""
-    [log], [request] = logs.logs, logs.requests
-    if options.json or options.jsonl or isinstance(request, Refusal):
-        answer = estimates.examine_or_refuse(log, request)
-    else:
-        answer = estimates.examine(log, request)
-    if options.plot and answer.trace:
-        _draw(Path(), answer, options.plot)
-    elif options.plot:
-        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    yield 0, answer
-
-
 def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None:
     """Write a table of answers, by joint and date."""
-    from backlash.batch import as_table
-
     table = as_table(answers, logs.keys)
     if path.suffix.lower() == ".parquet":
         write_bytes(path, table.to_parquet(index=False))
     else:
         write_csv(path, table)
-
-
-def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
-    from backlash import plots
-
-    plots.save_figure(plots.estimate_figure(answer), folder / name)

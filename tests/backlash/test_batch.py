@@ -14,7 +14,7 @@ import backlash
 from backlash import batch, estimates
 from backlash.answer import Estimate
 from backlash.cli import estimate_logs
-from backlash.log_list import find_logs, read_batch
+from backlash.log_list import find_logs, options_of, read_batch
 from tests.logs import command, file, noisy, write
 
 HOW = {"turn_period_s": 0.4}
@@ -63,10 +63,11 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(delimiter, tmp_path)
     assert read.keys["joint"].tolist()[:2] == ["007", "=1+1"]
     assert read.keys["date"].notna().sum() == 1
     assert read.logs[:2] == [tmp_path / "a.csv", tmp_path]
-    options = read.requests[0].options
-    assert (options.torque, options.turn_period_s, options.trust_period) == ("3", 0.4, False)
-    for request, why in zip(read.requests[1:], whys, strict=True):
-        assert why in str(request)
+    said = {"torque": "3", "turn_period_s": 0.4, "trust_period": False}
+    assert options_of(read.rows[0]) == said
+    for row, why in zip(read.rows[1:], whys, strict=True):
+        with pytest.raises(backlash.Refusal, match=re.escape(why)):
+            options_of(row)
 
 
 def test_of_a_file_that_a_table_names_its_kind_is_told_and_not_its_content(tmp_path):
