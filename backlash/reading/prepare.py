@@ -32,15 +32,19 @@ def open_log(
 ) -> Log:
     """Read and prepare a log; see `read_source`."""
     table = read_source(source, options, v, torque)
-    samples = Samples(np.empty(0), np.empty(0), pd.Index([]), options, Columns())
+    logged = samples = Samples(np.empty(0), np.empty(0), pd.Index([]), options, Columns())
     try:
         samples = replace(samples, columns=choose_columns(table, options))
         samples = take_samples(table.frame, samples)
-        for step in STEPS:
+        for step in TO_LOGGED_VALUES:
             samples = step(samples)
+        logged = samples
+        for step in TO_CONSTANT_SPEED:
+            samples = step(samples)
+        values.refuse_unmeasured(logged, samples.t[0], samples.t[-1])
         recording = movement.make_recording(samples)
     except Refusal as refusal:
-        error = _true_cause(refusal, samples, table)
+        error = _true_cause(refusal, logged, samples, table)
         if table.sha256 and error.is_unusable:
             error.file = name_of(source)
         error.columns = str(samples.columns)
@@ -49,10 +53,12 @@ def open_log(
     return Log(**vars(samples), recording=recording, sha256=table.sha256)
 
 
-def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
+def _true_cause(refusal: Refusal, logged: Samples, samples: Samples, table: Table) -> Refusal:
     """A refusal, or the cause that lies before it; with what else may be wrong."""
-    if samples.suspects and samples.suspects[0].is_of_movement:
-        return samples.suspects[0].refusal
+    try:
+        values.refuse_unmeasured(replace(logged, signals=logged.signals[:1]), 0.0, np.inf)
+    except Refusal as cause:
+        return cause
     cell = table.doubtful.get(samples.columns.signal)
     if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
         whole = re.sub("[.,]", "", cell)
@@ -219,12 +225,8 @@ def average_fast(samples: Samples) -> Samples:
 
 
 # In this order; each takes the samples and hands them on, or refuses them.
-STEPS = (
-    merge_repeated,
-    unwrap_position,
-    between_gaps,
-    values.refuse_zeros_between,
-    values.mark_suspects,
+TO_LOGGED_VALUES = (merge_repeated, unwrap_position, between_gaps)
+TO_CONSTANT_SPEED = (
     values.keep_new_values,
     clock.place_on_grid,
     differentiate_position,
@@ -232,5 +234,4 @@ STEPS = (
     values.refuse_speed_spikes,
     movement.keep_constant_speed,
     movement.turn_forward,
-    values.refuse_suspects,
 )

@@ -46,7 +46,7 @@ REFUSED = {
         torque=changed(TORQUE, [300, 900, 901, 1500], 9e4)
     ),
     "1 single samples of the speed stray, the first is 900": frame(changed(V, 500, 900.0)),
-    "row 1: speed [rps] is 0 at 1,200 places between rows that are not": frame(
+    "row 1: the speed is 0 at 1,200 places between rows that are not": frame(
         np.where(K % 2, 0.0, V)
     ),
     "the speed stands for 3 samples in the mean: 167 new values a second, 252 are needed": frame(
