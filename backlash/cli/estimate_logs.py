@@ -10,10 +10,9 @@ from pathlib import Path
 import pandas as pd
 
 from backlash.answer import BACKLASH, CANNOT_TELL, NONE, Estimate
-from backlash.batch import as_table, run_batch
+from backlash.batch import KEYS, as_table, find_logs, read_batch, run_batch
 from backlash.cli.options import Exit
 from backlash.estimates import GIVEN
-from backlash.log_list import KEYS, Batch, find_logs, read_batch
 from backlash.reading.sources import STDIN
 from backlash.refusals import Refusal, library
 from backlash.torque.unknowns import TABLE
@@ -68,8 +67,8 @@ def run(options: argparse.Namespace) -> int:
     source = options.batch or find_logs(options.log, options.out)
     given = {name: value for name, value in vars(options).items() if name in GIVEN}
     logs = read_batch(source, given)
-    count = len(logs.logs)
-    if Path(STDIN) in logs.logs and (count > 1 or options.out):
+    count = len(logs)
+    if Path(STDIN) in [*logs["file"]] and (count > 1 or options.out):
         raise Refusal("- (the standard input) goes alone, and without --out")
     if options.plot and count > 1:
         raise Refusal(f"--plot: {count} logs; it shows one, --plots FOLDER each")
@@ -77,9 +76,9 @@ def run(options: argparse.Namespace) -> int:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    each = run_batch(logs, options.jobs, journal, options.plots or options.plot)
+    each = run_batch(logs, given, options.jobs, journal, options.plots or options.plot)
     # "joint" holds the joint's quantities.
-    named = logs.keys.rename(columns={"joint": "joint_name"}).astype("string").fillna("")
+    named = logs.filter(KEYS).rename(columns={"joint": "joint_name"}).astype("string").fillna("")
     keys = named.to_dict("records")
     by_number: dict[int, Estimate] = {}
     for number, answer in each:
@@ -108,9 +107,9 @@ def run(options: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None:
+def _write_answers(path: Path, logs: pd.DataFrame, answers: Sequence[Estimate]) -> None:
     """Write a table of answers, by joint and date."""
-    table = as_table(answers, logs.keys)
+    table = as_table(answers, logs)
     if path.suffix.lower() == ".parquet":
         write_bytes(path, table.to_parquet(index=False))
     else:

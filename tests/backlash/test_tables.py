@@ -9,7 +9,7 @@ import pyarrow as pa
 import pytest
 from openpyxl.chart import ScatterChart
 
-from backlash.log_list import read_rows
+from backlash.batch import read_batch
 from backlash.reading import limits
 from backlash.refusals import Refusal
 from tests.logs import T, V, file, frame, read, refusal, rewritten, text
@@ -265,11 +265,11 @@ def test_tables_of_logs_are_bounded_by_what_they_unpack_to_and_by_their_rows(tmp
     table = pd.DataFrame({"file": ["x" * 1000] * 1000})
     path = tmp_path / "plant.parquet"
     table.to_parquet(path)
-    assert len(read_rows(path)) == 1000
+    assert len(read_batch(path, {})) == 1000
     for limit, most, words in (
         ("MOST_LOGS", 999, "1,000 logs, more than 999; split the table"),
         ("MOST_BYTES", 999_999, "it unpacks to more than"),
     ):
         monkeypatch.setattr(limits, limit, most)
         with pytest.raises(Refusal, match=words):
-            read_rows(path)
+            read_batch(path, {})
