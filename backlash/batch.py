@@ -26,7 +26,7 @@ from backlash.answer import Estimate
 from backlash.estimates import GIVEN, check_names, request_for
 from backlash.reading import limits
 from backlash.reading.columns import listed
-from backlash.reading.packed import check_size, is_parquet, read_parquet
+from backlash.reading.packed import PARQUET, check_size, read_parquet
 from backlash.reading.sources import name_of, naming, read_bytes
 from backlash.reading.tables import text_of
 from backlash.refusals import Refusal
@@ -115,7 +115,7 @@ def read_batch(source: Logs, given: Mapping[str, Any]) -> pd.DataFrame:
 
 def _read_file(name: str) -> pd.DataFrame:
     content = read_bytes(name)
-    if is_parquet(content):
+    if content.startswith(PARQUET):
         return read_parquet(content)
     text, _ = text_of(content)
     first = text.partition("\n")[0]

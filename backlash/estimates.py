@@ -102,13 +102,14 @@ def examine(
 
 def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
     """The answer with what was read."""
-    recording, is_stroke = log.recording, turns.is_to_and_fro(log.recording.v)
+    recording = log.recording
+    is_stroke = turns.is_to_and_fro(recording.v)
     return replace(
         answer,
         sha256=log.sha256,
         samples=recording.t.size,
         turn_period_s=None if is_stroke else recording.turn_period_s,
-        speed_rps=recording.commanded_speed_rps if is_stroke else float(recording.v.mean()),
+        speed_rps=recording.commanded_speed_rps,
         columns=str(log.columns),
         notes=(*log.notes, *([str(request.load)] if request.load else [])),
     )

@@ -79,12 +79,13 @@ def run(options: argparse.Namespace) -> int:
     each = run_batch(logs, given, options.jobs, journal, options.plots or options.plot)
     # "joint" holds the joint's quantities.
     named = logs.filter(KEYS).rename(columns={"joint": "joint_name"}).astype("string").fillna("")
-    keys = named.to_dict("records")
+    objects = named.to_dict("records")
     by_number: dict[int, Estimate] = {}
     for number, answer in each:
         by_number[number] = answer
+        objects[number] |= answer.to_dict()
         if options.jsonl:
-            print(json.dumps(keys[number] | answer.to_dict(), allow_nan=False), flush=True)
+            print(json.dumps(objects[number], allow_nan=False), flush=True)
     answers = [by_number[number] for number in range(count)]
     bad = [answer for answer in answers if answer.is_unusable]
     if options.out and len(bad) < count:
@@ -92,8 +93,7 @@ def run(options: argparse.Namespace) -> int:
     if journal:
         journal.unlink(missing_ok=True)
     if options.json:
-        content = [keys[number] | answer.to_dict() for number, answer in enumerate(answers)]
-        print(json.dumps(content, indent=1, allow_nan=False))
+        print(json.dumps(objects, indent=1, allow_nan=False))
     if len(bad) == count:
         which = "" if count == 1 else f"none of {count} logs is usable; the first: "
         raise Refusal(which + bad[0].explanation)

@@ -14,9 +14,16 @@ import pandas as pd
 from backlash.reading import limits
 from backlash.refusals import Refusal, library
 
-ADVICE = "cut it to the test movement, a minute at most"
+PARQUET = b"PAR1"  # a file's first bytes
+_ADVICE = "cut it to the test movement, a minute at most"
 _SHEET = re.compile(r"(.*/)?(worksheets/[^/]+|sharedStrings)\.xml", re.IGNORECASE)
 _BEFORE_ROW = re.compile(rb"(?=<(?:\w+:)?row\b)")
+
+
+def check_bytes(size: int) -> None:
+    """Refuse a file, or what it unpacks to, that is too large."""
+    if size > limits.MOST_BYTES:
+        raise Refusal(f"more than {limits.MOST_BYTES // 2**20} MiB, packed or not; {_ADVICE}")
 
 
 def check_size(rows: int, columns: int) -> None:
@@ -26,7 +33,7 @@ def check_size(rows: int, columns: int) -> None:
             f"{columns:,} columns, more than {limits.MOST_COLUMNS:,}; export those of time, speed and torque"
         )
     if rows * columns > limits.MOST_CELLS:
-        raise Refusal(f"more than {limits.MOST_CELLS:,} cells; {ADVICE}, or export fewer columns")
+        raise Refusal(f"more than {limits.MOST_CELLS:,} cells; {_ADVICE}, or export fewer columns")
 
 
 @contextmanager
@@ -52,18 +59,12 @@ def read_parquet(content: bytes) -> pd.DataFrame:
         check_size(file.metadata.num_rows, len(file.schema_arrow))
         for batch in file.iter_batches(64):
             size += batch.nbytes
-            if size > limits.MOST_BYTES:
-                raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
+            check_bytes(size)
             batches.append(batch)
         table = pyarrow.Table.from_batches(batches, file.schema_arrow)
         frame = table.to_pandas(ignore_metadata=True)
     frame.index += 1
     return frame
-
-
-def is_parquet(content: bytes) -> bool:
-    """Whether a file is a Parquet table by its first bytes."""
-    return content.startswith(b"PAR1")
 
 
 def workbook_text(content: bytes) -> tuple[str, str]:
@@ -85,8 +86,7 @@ def _check_parts(content: bytes) -> None:
     Styles and relations become objects a hundred times as large, sheets and texts are read one by one.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as bundle:
-        if sum(part.file_size for part in bundle.infolist()) > limits.MOST_BYTES:
-            raise Refusal(f"it unpacks to more than {limits.MOST_BYTES // 2**20} MiB; {ADVICE}")
+        check_bytes(sum(part.file_size for part in bundle.infolist()))
         tags = 0
         for name in bundle.namelist():
             part = bundle.read(name)
