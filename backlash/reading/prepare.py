@@ -78,8 +78,8 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
     if len(table) < 3:
         counts = [f"{name} (in {frame[name].count():,} rows)" for name in needed]
         raise Refusal(
-            f"{' and '.join(counts)} stand in {len(table)} rows together; a log of {limits.LEAST_TURNS} load turns is "
-            "needed, with all of them at the same instants"
+            f"{' and '.join(counts)} stand in {len(table)} rows together; log all at the same instants, for "
+            f"{limits.LEAST_TURNS} load turns (a workbook's formulas stand in none until a program saves it)"
         )
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz
