@@ -26,8 +26,7 @@ from backlash.answer import Estimate
 from backlash.estimates import GIVEN, check_names, request_for
 from backlash.reading import limits
 from backlash.reading.columns import listed
-from backlash.reading.packed import PARQUET, check_size, read_parquet
-from backlash.reading.sources import name_of, naming, read_bytes
+from backlash.reading.sources import PARQUET, check_size, name_of, naming, read_bytes, read_parquet
 from backlash.reading.tables import text_of
 from backlash.refusals import Refusal
 from replication.files import DISK_IS_FULL

@@ -1,7 +1,9 @@
-"""Prepare: from the table of a log to a record of turns at constant speed, in steps that each do one thing."""
+"""Prepare: from a log to its table, and on to a record of turns at constant speed, in steps that each do one thing."""
 
+import hashlib
 import re
 from dataclasses import dataclass, replace
+from os import PathLike
 
 import numpy as np
 import pandas as pd
@@ -11,12 +13,14 @@ from scipy.interpolate import CubicSpline
 from backlash.reading import clock, limits, movement, values
 from backlash.reading.columns import Columns, LogOptions, choose_columns, numeric_column
 from backlash.reading.samples import Samples
-from backlash.reading.sources import name_of, read_source
-from backlash.reading.tables import Table
+from backlash.reading.sources import name_of, naming, read_bytes, unpacked
+from backlash.reading.tables import Table, read_table
 from backlash.reading.units import PER_TURN
 from backlash.refusals import Reason, Refusal
 from replication.records import Recording
 from replication.signature import FloatArray
+
+_STAMPS = (pd.DatetimeIndex, pd.TimedeltaIndex)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,6 +29,34 @@ class Log(Samples):
 
     recording: Recording
     sha256: str | None  # of the file's bytes
+
+
+def read_source(
+    source: object, options: LogOptions, v: ArrayLike | None = None, torque: ArrayLike | None = None
+) -> Table:
+    """Read a log: a path ("-": standard input), a table, or time, speed and torque as arrays."""
+    if isinstance(source, str | PathLike):
+        with naming(str(source)):
+            content = read_bytes(str(source))
+            table = read_table(unpacked(content), 1 if options.rate_hz else 2)
+        return replace(table, sha256=hashlib.sha256(content).hexdigest())
+    if isinstance(source, pd.DataFrame):
+        index = source.index
+        named = index.name or ("time" if isinstance(index, _STAMPS) else None)
+        frame = source.rename_axis(named).reset_index(drop=named is None).rename(columns=str)
+        return Table(frame)
+    if v is None:
+        raise Refusal(
+            f"one {type(source).__name__} is no log: give time and speed as arrays of one length, or a pandas table, "
+            "as to_pandas() or to_dataframe() of other tables make it"
+        )
+    names = [options.time or "time", options.position or options.speed or "speed", options.torque]
+    arrays = zip(names, (source, v, torque), strict=True)
+    try:
+        frame = pd.DataFrame({column: np.asanyarray(each) for column, each in arrays if column})
+    except ValueError as error:
+        raise Refusal(f"{error}; give time, speed and torque of one length") from error
+    return Table(frame)
 
 
 def open_log(
