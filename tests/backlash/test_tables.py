@@ -123,7 +123,7 @@ REFUSED = {
     ),
     "no time": (text("a,speed [rps]"), "no column of time among 'a', 'speed [rps]'; give --time"),
     "a PLC's two times": (PLC + text("", "{t}\t{rpm}\t{t}5\t1"), "which column is the time"),
-    "a very long line": (b"1," * 100_000, "no rows with two numbers in its first 65536 characters"),
+    "a very long line": (b"1," * 100_000, "no table of numbers in its first 65536 characters"),
     "too many fields": (
         line(500, "0.996,100.0,5"),
         "row 500: it has a number beyond the 2 columns of the header",
@@ -239,7 +239,7 @@ def entities() -> bytes:
         (SHEET, START + WIDE + b"</sheetData></worksheet>", "more than 50,000 cells"),
         ("xl/styles.xml", b"<a/>" * 100_000, "styles and relations have 100,"),
         (SHEET, entities(), "no readable workbook"),
-        (SHEET, START + b"</sheetData></worksheet>", "no rows with two numbers"),
+        (SHEET, START + b"</sheetData></worksheet>", "no table of numbers"),
     ],
 )
 def test_a_hostile_workbook_is_refused(part, content, why, tmp_path, monkeypatch):
