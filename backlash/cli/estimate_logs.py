@@ -89,7 +89,11 @@ def run(options: argparse.Namespace) -> int:
     answers = [by_number[number] for number in range(count)]
     bad = [answer for answer in answers if answer.is_unusable]
     if options.out and len(bad) < count:
-        _write_answers(options.out, logs, answers)
+        table = as_table(answers, logs)
+        if options.out.suffix.lower() == ".parquet":
+            write_bytes(options.out, table.to_parquet(index=False))
+        else:
+            write_csv(options.out, table)
     if journal:
         journal.unlink(missing_ok=True)
     if options.json:
@@ -105,12 +109,3 @@ def run(options: argparse.Namespace) -> int:
     if not (options.json or options.jsonl or options.out):
         print(*answers, sep="\n")
     return Exit.DONE
-
-
-def _write_answers(path: Path, logs: pd.DataFrame, answers: Sequence[Estimate]) -> None:
-    """Write a table of answers, by joint and date."""
-    table = as_table(answers, logs)
-    if path.suffix.lower() == ".parquet":
-        write_bytes(path, table.to_parquet(index=False))
-    else:
-        write_csv(path, table)
