@@ -1,7 +1,6 @@
 """From a log to its answer: the backlash, none, or why that cannot be told."""
 
-import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -18,11 +17,9 @@ from backlash.reading.values import finest_step
 from backlash.refusals import Reason, Refusal, check_positive, option_of
 from backlash.torque import fit_torque
 from backlash.torque.answer import refuse_averaged
-from replication.files import DISK_IS_FULL
 
 _OPTIONS = tuple(field.name for field in fields(LogOptions))
 _COARSE = 1 / 128  # of a torque's range; with finer steps rounding is below the noise
-_QUOTED = re.compile(r"""(?<![\w.])(['"]).*?\1(?!\w)""")
 _RATIOS = ("inertia_ratio", "gravity_per_s2")
 _MASSES = ("load_mass_kg", "load_arm_m", "load_inertia_kgm2")
 _LOAD = (*_RATIOS, "inertia_sd", "gravity_sd", "motor_inertia_kgm2", *_MASSES)
@@ -37,8 +34,6 @@ class Request:
     options: LogOptions
     load: LoadData | None = None  # by which the torque tells the backlash
     arm_m: float | None = None  # at which the play is wanted in mm, too
-    # Whether a refusal may quote the file, which not only the user may have named.
-    is_quoted: bool = True
 
 
 def estimate(log: object, v: ArrayLike | None = None, **given: Any) -> Estimate:
@@ -107,39 +102,17 @@ def examine(
 
 def _with_log(answer: Estimate, log: Log, request: Request) -> Estimate:
     """The answer with what was read."""
-    recording, is_stroke = log.recording, turns.is_to_and_fro(log.recording.v)
+    recording = log.recording
+    is_stroke = turns.is_to_and_fro(recording.v)
     return replace(
         answer,
         sha256=log.sha256,
         samples=recording.t.size,
         turn_period_s=None if is_stroke else recording.turn_period_s,
-        speed_rps=recording.commanded_speed_rps if is_stroke else float(recording.v.mean()),
+        speed_rps=recording.commanded_speed_rps,
         columns=str(log.columns),
         notes=(*log.notes, *([str(request.load)] if request.load else [])),
     )
-
-
-def examine_or_refuse(log: object, request: Request | Refusal) -> Estimate:
-    """Examine one log; say why where that fails, in whatever way."""
-    try:
-        if isinstance(request, Refusal):
-            raise request
-        return examine(log, request)
-    except Exception as error:  # one log must not stop a thousand others
-        if isinstance(error, OSError) and error.errno in DISK_IS_FULL:  # for compiled code, too
-            raise
-        kind = "" if isinstance(error, Refusal) else f"{name_of(log)}: {type(error).__name__}: "
-        why = f"{kind}{error}"
-        if isinstance(request, Request) and not request.is_quoted:
-            why = _QUOTED.sub(
-                lambda quoted: quoted[0] if quoted[0] in repr(request) else "'...'", why
-            )
-        return refused(log, why)
-
-
-def refused(log: object, why: str) -> Estimate:
-    """The answer on a log that cannot be used."""
-    return Estimate(name_of(log)).with_refusal(Refusal(why))
 
 
 def _with_own_period(log: Log) -> Log:
@@ -224,10 +197,15 @@ def _answer_by_amplitude(log: Log, answer: Estimate) -> Estimate:
     )
 
 
+def check_names(given: Iterable[str]) -> None:
+    """Raise TypeError at what is no keyword of `estimate`."""
+    if unknown := sorted({*given}.difference(GIVEN)):
+        raise TypeError(f"no parameter {unknown[0]!r}; there are {', '.join(GIVEN)}")
+
+
 def request_for(given: Mapping[str, Any]) -> Request:
     """What is asked of a log, by the keywords of `estimate`."""
-    if unknown := sorted(set(given) - set(GIVEN)):
-        raise TypeError(f"no parameter {unknown[0]!r}; there are {', '.join(GIVEN)}")
+    check_names(given)
     given = {name: value for name, value in given.items() if value is not None}
     if given.get("position") is True:
         given["position"] = "position"

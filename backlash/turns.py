@@ -175,12 +175,7 @@ def dominant_period(recording: Recording, torque: FloatArray) -> float | None:
     least = max(_DOMINATES * own, np.sqrt(2 * _GRAVITYS_SHARE) * torque.std())
     if amplitude[best] <= least:
         return None
-    before, top, after = amplitude[best - 1 : best + 2]
-    beside = 0.0
-    if max(before, after) < top:  # else the line lies beyond what is tried
-        # The top of the parabola through the three highest values.
-        beside = 0.5 * (before - after) / (before - 2 * top + after)
-    return float(1 / (hz[best] + beside * hz[1]))
+    return period_by_torque(replace(recording, turn_period_s=float(1 / hz[best])), torque)
 
 
 def period_by_energy(recording: Recording, signal: FloatArray) -> float:

@@ -4,17 +4,15 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from backlash import estimates
 from backlash.answer import BACKLASH, CANNOT_TELL, NONE, Estimate
+from backlash.batch import KEYS, as_table, find_logs, read_batch, run_batch
 from backlash.cli.options import Exit
 from backlash.estimates import GIVEN
-from backlash.log_list import KEYS, Batch, find_logs, read_batch
 from backlash.reading.sources import STDIN
 from backlash.refusals import Refusal, library
 from backlash.torque.unknowns import TABLE
@@ -46,8 +44,6 @@ def _check_output(path: Path | None, endings: Sequence[str], *inputs: Path | Non
 
 def _is_ours(path: Path) -> bool:
     """Whether a file is a table that --out wrote, to which nothing was added, by its columns and verdicts."""
-    from backlash.batch import as_table
-
     read = pd.read_parquet if path.suffix.lower() == ".parquet" else pd.read_csv
     try:
         table = read(path)
@@ -71,8 +67,8 @@ def run(options: argparse.Namespace) -> int:
     source = options.batch or find_logs(options.log, options.out)
     given = {name: value for name, value in vars(options).items() if name in GIVEN}
     logs = read_batch(source, given)
-    count = len(logs.logs)
-    if Path(STDIN) in logs.logs and (count > 1 or options.out):
+    count = len(logs)
+    if Path(STDIN) in [*logs["file"]] and (count > 1 or options.out):
         raise Refusal("- (the standard input) goes alone, and without --out")
     if options.plot and count > 1:
         raise Refusal(f"--plot: {count} logs; it shows one, --plots FOLDER each")
@@ -80,66 +76,36 @@ def run(options: argparse.Namespace) -> int:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    if count == 1 and not (options.out or options.plots) and logs.keys.columns.empty:
-        each = _examine_alone(logs, options)
-    else:
-        from backlash.batch import run_batch
-
-        draw = partial(_draw, options.plots) if options.plots else None
-        each = run_batch(logs, options.jobs, journal, draw)
+    each = run_batch(logs, given, options.jobs, journal, options.plots or options.plot)
     # "joint" holds the joint's quantities.
-    named = logs.keys.rename(columns={"joint": "joint_name"}).astype("string").fillna("")
-    keys = named.to_dict("records")
+    named = logs.filter(KEYS).rename(columns={"joint": "joint_name"}).astype("string").fillna("")
+    objects = named.to_dict("records")
     by_number: dict[int, Estimate] = {}
     for number, answer in each:
         by_number[number] = answer
+        objects[number] |= answer.to_dict()
         if options.jsonl:
-            print(json.dumps(keys[number] | answer.to_dict(), allow_nan=False), flush=True)
+            print(json.dumps(objects[number], allow_nan=False), flush=True)
     answers = [by_number[number] for number in range(count)]
     bad = [answer for answer in answers if answer.is_unusable]
     if options.out and len(bad) < count:
-        _write_answers(options.out, logs, answers)
+        table = as_table(answers, logs)
+        if options.out.suffix.lower() == ".parquet":
+            write_bytes(options.out, table.to_parquet(index=False))
+        else:
+            write_csv(options.out, table)
     if journal:
         journal.unlink(missing_ok=True)
     if options.json:
-        content = [keys[number] | answer.to_dict() for number, answer in enumerate(answers)]
-        print(json.dumps(content, indent=1, allow_nan=False))
+        print(json.dumps(objects, indent=1, allow_nan=False))
     if len(bad) == count:
         which = "" if count == 1 else f"none of {count} logs is usable; the first: "
         raise Refusal(which + bad[0].explanation)
     if bad:
         print(f"{len(bad)} of {count} logs are not usable; their rows say why", file=sys.stderr)
+    if options.plot and answers[0].amplitude_rps is None and answers[0].chi_squared is None:
+        why = f"there is no fit to show ({answers[0].verdict})"
+        print(f"--plot: not written, {why}", file=sys.stderr)
     if not (options.json or options.jsonl or options.out):
         print(*answers, sep="\n")
     return Exit.DONE
-
-
-def _examine_alone(logs: Batch, options: argparse.Namespace) -> Iterator[tuple[int, Estimate]]:
-    """Answer for one log, whose defects are not held back as those of one among many are."""
-    [log], [request] = logs.logs, logs.requests
-    if options.json or options.jsonl or isinstance(request, Refusal):
-        answer = estimates.examine_or_refuse(log, request)
-    else:
-        answer = estimates.examine(log, request)
-    if options.plot and answer.trace:
-        _draw(Path(), answer, options.plot)
-    elif options.plot:
-        print(f"--plot: not written, there is no fit to show ({answer.verdict})", file=sys.stderr)
-    yield 0, answer
-
-
-def _write_answers(path: Path, logs: Batch, answers: Sequence[Estimate]) -> None:
-    """Write a table of answers, by joint and date."""
-    from backlash.batch import as_table
-
-    table = as_table(answers, logs.keys)
-    if path.suffix.lower() == ".parquet":
-        write_bytes(path, table.to_parquet(index=False))
-    else:
-        write_csv(path, table)
-
-
-def _draw(folder: Path, answer: Estimate, name: str | Path) -> None:
-    from backlash import plots
-
-    plots.save_figure(plots.estimate_figure(answer), folder / name)

@@ -1,7 +1,9 @@
-"""Prepare: from the table of a log to a record of turns at constant speed, in steps that each do one thing."""
+"""Prepare: from a log to its table, and on to a record of turns at constant speed, in steps that each do one thing."""
 
+import hashlib
 import re
 from dataclasses import dataclass, replace
+from os import PathLike
 
 import numpy as np
 import pandas as pd
@@ -11,12 +13,14 @@ from scipy.interpolate import CubicSpline
 from backlash.reading import clock, limits, movement, values
 from backlash.reading.columns import Columns, LogOptions, choose_columns, numeric_column
 from backlash.reading.samples import Samples
-from backlash.reading.sources import name_of, read_source
-from backlash.reading.tables import Table
+from backlash.reading.sources import name_of, naming, read_bytes, unpacked
+from backlash.reading.tables import Table, read_table
 from backlash.reading.units import PER_TURN
 from backlash.refusals import Reason, Refusal
 from replication.records import Recording
 from replication.signature import FloatArray
+
+_STAMPS = (pd.DatetimeIndex, pd.TimedeltaIndex)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,20 +31,52 @@ class Log(Samples):
     sha256: str | None  # of the file's bytes
 
 
+def read_source(
+    source: object, options: LogOptions, v: ArrayLike | None = None, torque: ArrayLike | None = None
+) -> Table:
+    """Read a log: a path ("-": standard input), a table, or time, speed and torque as arrays."""
+    if isinstance(source, str | PathLike):
+        with naming(str(source)):
+            content = read_bytes(str(source))
+            table = read_table(unpacked(content), 1 if options.rate_hz else 2)
+        return replace(table, sha256=hashlib.sha256(content).hexdigest())
+    if isinstance(source, pd.DataFrame):
+        index = source.index
+        named = index.name or ("time" if isinstance(index, _STAMPS) else None)
+        frame = source.rename_axis(named).reset_index(drop=named is None).rename(columns=str)
+        return Table(frame)
+    if v is None:
+        raise Refusal(
+            f"one {type(source).__name__} is no log: give time and speed as arrays of one length, or a pandas table, "
+            "as to_pandas() or to_dataframe() of other tables make it"
+        )
+    names = [options.time or "time", options.position or options.speed or "speed", options.torque]
+    arrays = zip(names, (source, v, torque), strict=True)
+    try:
+        frame = pd.DataFrame({column: np.asanyarray(each) for column, each in arrays if column})
+    except ValueError as error:
+        raise Refusal(f"{error}; give time, speed and torque of one length") from error
+    return Table(frame)
+
+
 def open_log(
     source: object, options: LogOptions, v: ArrayLike | None = None, torque: ArrayLike | None = None
 ) -> Log:
     """Read and prepare a log; see `read_source`."""
     table = read_source(source, options, v, torque)
-    samples = Samples(np.empty(0), np.empty(0), pd.Index([]), options, Columns())
+    logged = samples = Samples(np.empty(0), np.empty(0), pd.Index([]), options, Columns())
     try:
         samples = replace(samples, columns=choose_columns(table, options))
         samples = take_samples(table.frame, samples)
-        for step in STEPS:
+        for step in TO_LOGGED_VALUES:
             samples = step(samples)
+        logged = samples
+        for step in TO_CONSTANT_SPEED:
+            samples = step(samples)
+        values.refuse_unmeasured(logged, samples.t[0], samples.t[-1])
         recording = movement.make_recording(samples)
     except Refusal as refusal:
-        error = _true_cause(refusal, samples, table)
+        error = _true_cause(refusal, logged, samples, table)
         if table.sha256 and error.is_unusable:
             error.file = name_of(source)
         error.columns = str(samples.columns)
@@ -49,10 +85,12 @@ def open_log(
     return Log(**vars(samples), recording=recording, sha256=table.sha256)
 
 
-def _true_cause(refusal: Refusal, samples: Samples, table: Table) -> Refusal:
+def _true_cause(refusal: Refusal, logged: Samples, samples: Samples, table: Table) -> Refusal:
     """A refusal, or the cause that lies before it; with what else may be wrong."""
-    if samples.suspects and samples.suspects[0].is_of_movement:
-        return samples.suspects[0].refusal
+    try:
+        values.refuse_unmeasured(replace(logged, signals=logged.signals[:1]), 0.0, np.inf)
+    except Refusal as cause:
+        return cause
     cell = table.doubtful.get(samples.columns.signal)
     if cell and refusal.reason in (Reason.NOT_CONSTANT_SPEED, Reason.TOO_SHORT):
         whole = re.sub("[.,]", "", cell)
@@ -72,8 +110,8 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
     if len(table) < 3:
         counts = [f"{name} (in {frame[name].count():,} rows)" for name in needed]
         raise Refusal(
-            f"{' and '.join(counts)} stand in {len(table)} rows together; a log of {limits.LEAST_TURNS} load turns is "
-            "needed, with all of them at the same instants"
+            f"{' and '.join(counts)} stand in {len(table)} rows together; log all at the same instants, for "
+            f"{limits.LEAST_TURNS} load turns (a workbook's formulas stand in none until a program saves it)"
         )
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz
@@ -219,12 +257,8 @@ def average_fast(samples: Samples) -> Samples:
 
 
 # In this order; each takes the samples and hands them on, or refuses them.
-STEPS = (
-    merge_repeated,
-    unwrap_position,
-    between_gaps,
-    values.refuse_zeros_between,
-    values.mark_suspects,
+TO_LOGGED_VALUES = (merge_repeated, unwrap_position, between_gaps)
+TO_CONSTANT_SPEED = (
     values.keep_new_values,
     clock.place_on_grid,
     differentiate_position,
@@ -232,5 +266,4 @@ STEPS = (
     values.refuse_speed_spikes,
     movement.keep_constant_speed,
     movement.turn_forward,
-    values.refuse_suspects,
 )

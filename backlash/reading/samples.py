@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from backlash.reading.columns import Columns, LogOptions
-from backlash.refusals import Refusal
 from replication.signature import FloatArray
 
 
@@ -17,14 +16,6 @@ def runs_of(signal: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64], F
     """First indices, lengths and values of the runs of equal values."""
     starts = np.flatnonzero(np.diff(signal, prepend=np.nan) != 0)
     return starts, np.diff(starts, append=signal.size), signal[starts]
-
-
-class Suspect(NamedTuple):
-    """Samples whose values may be none of a measurement, and why a log cannot be used that has them."""
-
-    t: FloatArray
-    refusal: Refusal
-    is_of_movement: bool  # of the speed or position
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +28,6 @@ class Samples:
     options: LogOptions
     columns: Columns
     notes: tuple[str, ...] = ()
-    suspects: tuple[Suspect, ...] = ()
 
     @property
     def dt(self) -> float:

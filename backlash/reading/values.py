@@ -1,7 +1,6 @@
 """Values that no motor has or no logger measured: zeros between, stray, frozen, clipped and held ones."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -10,7 +9,7 @@ from scipy.ndimage import median_filter
 
 from backlash.reading import limits
 from backlash.reading.movement import usual_speed
-from backlash.reading.samples import Samples, Suspect, runs_of
+from backlash.reading.samples import Samples, runs_of
 from backlash.refusals import Reason, Refusal
 from replication.signature import FloatArray
 
@@ -30,20 +29,20 @@ def finest_step(signal: FloatArray) -> float:
     return float(np.quantile(steps, limits.RARE)) if steps.size else 0.0
 
 
-def refuse_zeros_between(samples: Samples) -> Samples:
-    """Refuse rows of zeros between those of a motor that turns."""
-    signal = samples.v
+def find_zeros(name: str, signal: FloatArray) -> Found:
+    """Zeros between values of a motor that turns."""
+    if name == "torque":
+        return
     starts, lengths, values = runs_of(signal)
     is_far = np.abs(values) > 0.5 * np.median(np.abs(signal[signal != 0]))
     is_zero = (values == 0) & (lengths < limits.LEAST_FROZEN)
     zeros = starts[1:-1][is_zero[1:-1] & is_far[:-2] & is_far[2:]]
     if zeros.size > limits.MOST_SINGLE * signal.size:
-        raise Refusal(
-            f"{samples.columns.signal} is 0 at {zeros.size:,} places between rows that are not; leave out the rows "
-            "without a measurement",
-            row=samples.rows[zeros[0]],
+        yield (
+            zeros,
+            f"the {name} is 0 at {zeros.size:,} places between rows that are not; leave out the rows without a "
+            "measurement",
         )
-    return samples
 
 
 def _single_strays(name: str, signal: FloatArray, limit: float) -> Found:
@@ -111,17 +110,6 @@ def find_clipped(name: str, signal: FloatArray) -> Found:
             )
 
 
-def mark_suspects(samples: Samples) -> Samples:
-    """Suspect samples that were hardly measured; outside the turns that are used they do not matter."""
-    for find in (find_strays, find_frozen, find_clipped):
-        for name, signal in samples.named_signals():
-            for chosen, words in find(name, signal):
-                refusal = Refusal(words, row=samples.rows[chosen][0])
-                suspect = Suspect(samples.t[chosen], refusal, name != "torque")
-                samples = replace(samples, suspects=(*samples.suspects, suspect))
-    return samples
-
-
 def keep_new_values(samples: Samples) -> Samples:
     """Keep the rows that have new values, where a logger repeats the last one."""
     news = {name: _is_not_held(signal) for name, signal in samples.named_signals()}
@@ -173,9 +161,11 @@ def refuse_speed_spikes(samples: Samples) -> Samples:
     return samples
 
 
-def refuse_suspects(samples: Samples) -> Samples:
-    """Refuse what was suspected within the samples that are used."""
-    for suspect in samples.suspects:
-        if ((suspect.t >= samples.t[0]) & (suspect.t <= samples.t[-1])).any():
-            raise suspect.refusal
-    return samples
+def refuse_unmeasured(logged: Samples, first_s: float, last_s: float) -> None:
+    """Refuse what was hardly measured of the samples that are used; outside these it does not matter."""
+    for find in (find_zeros, find_strays, find_frozen, find_clipped):
+        for name, signal in logged.named_signals():
+            for chosen, words in find(name, signal):
+                t = logged.t[chosen]
+                if ((t >= first_s) & (t <= last_s)).any():
+                    raise Refusal(words, row=logged.rows[chosen[0]])

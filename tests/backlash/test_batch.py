@@ -13,8 +13,8 @@ import pytest
 import backlash
 from backlash import batch, estimates
 from backlash.answer import Estimate
+from backlash.batch import find_logs, options_of, read_batch
 from backlash.cli import estimate_logs
-from backlash.log_list import find_logs, read_batch
 from tests.logs import command, file, noisy, write
 
 HOW = {"turn_period_s": 0.4}
@@ -60,13 +60,15 @@ def test_a_table_is_text_and_a_bad_cell_refuses_its_own_row(delimiter, tmp_path)
         path.write_text((CSV + LONGER).replace(",", delimiter), "utf-8")
         whys += ("'left arm' stands beyond the header's columns",)
     read = read_batch(path, {"inertia_ratio": 2.0, "gravity_per_s2": 30.0})
-    assert read.keys["joint"].tolist()[:2] == ["007", "=1+1"]
-    assert read.keys["date"].notna().sum() == 1
-    assert read.logs[:2] == [tmp_path / "a.csv", tmp_path]
-    options = read.requests[0].options
-    assert (options.torque, options.turn_period_s, options.trust_period) == ("3", 0.4, False)
-    for request, why in zip(read.requests[1:], whys, strict=True):
-        assert why in str(request)
+    assert read["joint"].tolist()[:2] == ["007", "=1+1"]
+    assert read["date"].notna().sum() == 1
+    assert read["file"].tolist()[:2] == [tmp_path / "a.csv", tmp_path]
+    said = {"torque": "3", "turn_period_s": 0.4, "trust_period": False}
+    [first, *others] = read.to_dict("records")
+    assert options_of(first) == said
+    for row, why in zip(others, whys, strict=True):
+        with pytest.raises(backlash.Refusal, match=re.escape(why)):
+            options_of(row)
 
 
 def test_of_a_file_that_a_table_names_its_kind_is_told_and_not_its_content(tmp_path):
@@ -98,13 +100,13 @@ def test_what_lists_no_logs_is_refused(text, why, tmp_path):
 def test_an_interrupted_run_goes_on_from_its_journal(plant, tmp_path, examine):
     logs = read_batch(plant, HOW)
     journal = tmp_path / "answers.csv.kept"
-    each = batch.run_batch(logs, 1, journal)
+    each = batch.run_batch(logs, HOW, 1, journal)
     first = dict(next(each) for _ in range(3))
     each.close()
     torn = journal.read_text("utf-8")
     journal.write_text(torn + torn.splitlines()[0][:40], "utf-8")
     examine.reset_mock()
-    answers = dict(batch.run_batch(logs, 1, journal))
+    answers = dict(batch.run_batch(logs, HOW, 1, journal))
     assert sorted(answers) == list(range(8))
     # The third answer is handed over before it is written.
     assert 5 <= examine.call_count <= 6
@@ -132,7 +134,7 @@ def test_on_a_full_disk_no_table_is_written_and_the_same_command_goes_on(
 def test_a_full_disk_is_no_defect_of_the_log_that_is_read(monkeypatch):
     monkeypatch.setattr(estimates, "examine", FULL)
     with pytest.raises(OSError, match="No space left"):
-        dict(batch.run_batch(read_batch(["a.csv", "b.csv"], HOW), 1))
+        dict(batch.run_batch(read_batch(["a.csv", "b.csv"], HOW), HOW, 1))
 
 
 class Killer:
@@ -145,9 +147,9 @@ class Killer:
 @pytest.mark.slow
 def test_two_workers_say_what_one_says_and_one_that_dies_costs_its_own_log_only(tmp_path):
     names = ["a.csv", "b.csv"]
-    alone = dict(batch.run_batch(read_batch(names, HOW), 1))
+    alone = dict(batch.run_batch(read_batch(names, HOW), HOW, 1))
     logs = read_batch([*names, Killer()], HOW)
-    answers = dict(batch.run_batch(logs, 2))
+    answers = dict(batch.run_batch(logs, HOW, 2))
     assert {number: answers[number] for number in alone} == alone
     assert sorted(answers) == [0, 1, 2]
     assert "the process that read it died" in answers[2].explanation

@@ -37,16 +37,14 @@ REFUSED = {
     f"row 500: the speed stands at {V[500]:.6g} in 40 samples one after another: frozen": frame(
         changed(V, slice(500, 540), V[500])
     ),
-    "row 700: the torque stands at": frame(torque=changed(TORQUE, slice(700, 900), TORQUE[700])),
     "the torque stands at -999 in 50 samples one after another: frozen, or a stand-in": frame(
         torque=changed(TORQUE, slice(700, 750), -999.0)
     ),
-    "the speed stands at 65535 in 20 samples": frame(changed(V, slice(1200, 1220), 65535.0)),
     "row 300: 4 single samples of the torque stray, the first is 9e+04 beside": frame(
         torque=changed(TORQUE, [300, 900, 901, 1500], 9e4)
     ),
     "1 single samples of the speed stray, the first is 900": frame(changed(V, 500, 900.0)),
-    "row 1: speed [rps] is 0 at 1,200 places between rows that are not": frame(
+    "row 1: the speed is 0 at 1,200 places between rows that are not": frame(
         np.where(K % 2, 0.0, V)
     ),
     "the speed stands for 3 samples in the mean: 167 new values a second, 252 are needed": frame(
@@ -64,20 +62,16 @@ REFUSED = {
     "speed [rps] (in 1,201 rows) and torque (in 1,200 rows) stand in 0 rows together": frame(
         np.where(K % 2, np.nan, V), np.where(K % 2, TORQUE, np.nan)
     ),
-    "'torque' is empty in all 2,401 rows": frame(torque=np.nan),
-    "the torque is clipped at 11 in": frame(torque=np.clip(TORQUE, -99, 11)),
     "the torque is clipped at -6 in": frame(torque=np.clip(TORQUE, -6, 99)),
     "the speed is clipped at 100.2 in": frame(np.minimum(V, 100.2)),
     "the motor makes 0.67 turns in a load turn of 0.4 s": frame(V / 60),
     "run backward (0 s follow 4.8 s after the first; 1 such rows)": frame(t=np.append(T, T)),
-    "start anew or run backward": frame(t=T[::-1]),
     "repeats the one before with other values": frame(t=np.floor(250 * T) / 250),
     "sampled at 10 Hz by its time stamps; a ring of 21 Hz": frame(t=0.1 * K),
     "are the stamps in s? if not, give --time-unit; if they count samples, --rate": frame(
         t=T * 1e-6
     ),
     "samples a second: give --rate 500": frame(t=BURSTS),
-    "would be invented": frame()[np.random.default_rng(5).random(T.size) > 0.2],
     "too short: 0.01 s in 6 samples; 4 load turns are needed": frame(V[:6]),
     "too short: 2.5 load turns of 0.4 s at": frame(V[:500]),
     "too short: 0.0": frame(np.append(0.0, V[:9])),
@@ -86,7 +80,6 @@ REFUSED = {
     "not constant speed": frame(V[:1800] * np.repeat([1, 0.5, 1.5], 600)),
     "is it in rpm, rad/s": frame(60 * V),
     "never changes, it is 100 throughout": frame(0 * V + 100),
-    "too short: 1.0 load turns": frame(torque=changed(TORQUE, slice(200, 2200), np.nan)),
 }
 REFUSED_BY_OPTIONS = [
     (
@@ -133,11 +126,6 @@ SOUND = {
     "a coarse torque": frame(torque=TORQUE.round()),
     "a coarse sine": frame(torque=(5 * SINE).round()),
     "both rounded": frame(V.round(1), TORQUE.round(1)),
-    "whole rpm": frame(np.floor(60 * V) / 60),
-    "turns that are the same": frame(np.concatenate([V[:1200], V[:1201]])),
-    "lines between values, by which right answers stay right": frame(
-        torque=np.interp(T, T[::3], TORQUE[::3])
-    ),
     "a smooth speed": frame(SMOOTH),
     "a value that was filled in": frame(changed(SMOOTH, 1000, SMOOTH[1000] + 0.001)),
     "a torque that is at its limit for six samples": frame(
@@ -153,15 +141,6 @@ def test_what_is_coarse_smooth_or_has_impacts_is_read_as_it_is(kind):
     log = read(SOUND[kind], torque="torque")
     np.testing.assert_array_equal(log.torque, SOUND[kind]["torque"])
     assert not any("new values" in note for note in log.notes)
-
-
-@pytest.mark.parametrize("bits", [16, 23])
-def test_a_fine_position_that_gains_speed_from_rest_is_not_interpolated(bits):
-    t = 2e-3 * np.arange(4000)
-    v = np.clip(80 * (t - 0.3) / 0.7, 0, 80) + 0.1 * np.sin(2 * np.pi * t / 0.8)
-    counts = np.floor(np.cumsum(v) * 2e-3 * 2**bits) + RNG.integers(0, 2, t.size) * (t < 0.3)
-    log = logs.frame(counts, name="position")
-    assert read(log, turn_period_s=0.8, counts_per_turn=2.0**bits).recording.t[-1] > 6
 
 
 def test_a_motor_that_rests_is_not_frozen_and_defects_outside_the_used_turns_do_not_matter():

@@ -134,10 +134,11 @@ def test_a_line_is_another_turn_s_if_it_is_more_than_the_torque_s_others(orders,
     assert period == (None if result is None else pytest.approx(0.4 / result, rel=1.5e-3))
 
 
-def test_a_line_beyond_what_is_tried_is_placed_within_it():
+@pytest.mark.parametrize("order", [2.03, 0.1245])
+def test_a_line_s_period_is_read_between_the_steps_of_its_spectrum_and_beyond_them(order):
     made = record(12000, 0.4)
-    torque = np.cos(TURN * 0.1245 * made.t / 0.4)  # one in eight turns is tried
-    assert 0.99 * 8 * 0.4 < turns.dominant_period(made, torque) < 8 * 0.4
+    torque = 5 + np.cos(TURN * order * made.t / 0.4)
+    assert turns.dominant_period(made, torque) == pytest.approx(0.4 / order, rel=2e-4)
 
 
 def test_the_period_with_the_most_energy_is_taken_if_it_has_5_per_cent_more():
