@@ -45,11 +45,11 @@ def find_zeros(name: str, signal: FloatArray) -> Found:
         )
 
 
-def _single_strays(name: str, signal: FloatArray, limit: float) -> Found:
-    """Samples that are too far from their neighbours, if they are few enough to be single ones."""
+def _single_strays(name: str, signal: FloatArray, limit: float, deviations: float = 0.0) -> Found:
+    """Samples that are too far from their neighbours, also in usual deviations, if few enough to be single ones."""
     usual = median_filter(signal, 5, mode="nearest")
     away = np.abs(signal - usual)
-    strays = np.flatnonzero(away > max(limit, limits.STRAY_DEVIATIONS * np.median(away)))
+    strays = np.flatnonzero(away > max(limit, deviations * np.median(away)))
     if 0 < strays.size <= limits.MOST_SINGLE * signal.size:
         first, beside = signal[strays[0]], usual[strays[0]]
         yield (
@@ -61,8 +61,8 @@ def _single_strays(name: str, signal: FloatArray, limit: float) -> Found:
 def find_strays(name: str, signal: FloatArray) -> Found:
     """Single samples of the torque that stand out of all others."""
     if name == "torque":
-        reach = np.ptp(np.quantile(signal, _NEARLY_ALL))
-        for strays, words in _single_strays(name, signal, limits.STRAY * reach):
+        reach = limits.STRAY * np.ptp(np.quantile(signal, _NEARLY_ALL))
+        for strays, words in _single_strays(name, signal, reach, limits.STRAY_DEVIATIONS):
             yield strays, f"{words}; mend them, or leave their cells empty"
 
 
