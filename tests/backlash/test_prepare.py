@@ -134,7 +134,7 @@ SOUND = {
     "a speed of so many far samples that they are its noise": frame(
         V
         + RNG.normal(0, 3.4, T.size)
-        + (-1.0) ** K * (32 * (K % 50 // 2 == 12) + 40 * (K % 800 == 424))
+        + (-1.0) ** K * (31 * (K % 50 // 2 == 12) + 40 * (K % 800 == 424))
     ),
     "impacts that are sampled once": frame(torque=TORQUE + 25 * (K % 200 == 7)),
     "stamps half a period beside whole milliseconds": frame(t=(T + 5e-4).round(3)),
