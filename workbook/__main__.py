@@ -25,9 +25,6 @@ def main(arguments: list[str] | None = None) -> int:
     )
     options = vars(parser.parse_args(arguments))
     end_with_make()
-    if sys.stdout is None:
-        print("the standard output is closed; send it to a file or to /dev/null", file=sys.stderr)
-        return 2
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
             stream.reconfigure(errors="replace")

@@ -12,7 +12,6 @@ import signal
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import joblib
 import jupytext
@@ -23,23 +22,17 @@ from nbclient.exceptions import CellControlSignal, CellExecutionError, DeadKerne
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication.files import (
-    DataUnavailable,
-    UserError,
-    as_json,
-    write_bytes,
-    write_files,
-    write_text,
-)
+from replication.files import DataUnavailable, UserError, as_json, write_files, write_text
 from workbook.kernel import READ, read_notes
 from workbook.project import RESULTS, ROOT, SIMULATED, find_hook, notebook_sources
 from workbook.stamps import (
+    NOTHING,
     add_record,
     digest_code,
     drop_stale_caches,
-    new_stamp,
     record_file,
     stamp_file,
+    write_stamp,
 )
 
 CELL_TIMEOUT_S = 900
@@ -53,7 +46,6 @@ KERNEL_ARGUMENTS = [
     "--IPKernelApp.log_level=50",  # else it advises on how to end it
 ]
 HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
-NOTHING: dict[str, Any] = {"cells": [], "claims": [], "facts": {}}  # for the report
 UNSET = ("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONINSPECT", "PYTHONSTARTUP")
 # Variables that name a folder of settings.
 FOLDERS = ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "MATPLOTLIBRC", "MPLCONFIGDIR")
@@ -77,7 +69,7 @@ def run(source: Path) -> str:
     Raises
     ------
     NotebookFailed
-        A cell failed or said something on stderr, or its kernel or the disk failed; what it got to lies in `.make`.
+        A cell failed or said something on stderr, or its kernel failed; what it got to lies in `.make`.
     UserError
         The source is none, or its `.ipynb` was edited.
     """
@@ -85,15 +77,14 @@ def run(source: Path) -> str:
     refuse_edited(source, read_notebook(source, "correct it"))
     start, name = time.monotonic(), source.stem
     where = ""
-    stamp, record = stamp_file(name), record_file(name)
     try:
         os.environ |= kernel_environment()
         drop_stale_caches()
-        with stamp.with_suffix(".lock").open("wb") as lock:
+        with stamp_file(name).with_suffix(".lock").open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
                 _execute_into(ROOT, source)
-                write_bytes(stamp, new_stamp(record, time.monotonic() - start))
+                write_stamp(name, time.monotonic() - start)
             except DataUnavailable:
                 if not SIMULATED:
                     raise
@@ -101,12 +92,8 @@ def run(source: Path) -> str:
                 _execute_into(RESULTS / "offline", source, SIMULATED["warning"])
                 where = f" on {SIMULATED['mark']}"
     except DataUnavailable as missing:
-        write_bytes(stamp, new_stamp(record, lacks=str(missing)))
+        write_stamp(name, lacks=str(missing))
         return f"{name}: not run: {missing}; its committed results stay"
-    except OSError as error:
-        raise NotebookFailed(
-            f"{source.name}: {error}, while working in {ROOT / '.make'}"
-        ) from error
     return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 

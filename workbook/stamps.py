@@ -18,18 +18,26 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from replication.files import KEPT_SHA256, UserError, check_kept, read_committed, write_text
+from replication.files import (
+    KEPT_SHA256,
+    UserError,
+    as_json,
+    check_kept,
+    read_committed,
+    write_bytes,
+    write_text,
+)
 from workbook.project import RESULTS, ROOT, SETTINGS, notebook_sources
 
 RECORD = ("made_from", "read", "made")
 STAMP = ("seconds", "ended", "lacks", "record")
 SAID = "what is said"  # in a record, among the files: the rest of its own one
-# Of whatever stands where JSON should.
-UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
+NOTHING: dict[str, Any] = {"cells": [], "claims": [], "facts": {}}  # that is said
+MADE_BY_OTHER = "made by other code or tables than those that are there"
 # A module that can be imported, or a file that a program can name: no copy, backup or file of an editor.
 INPUT = re.compile(r"\w+\.(py|csv|json|txt)", re.ASCII)
 
@@ -55,17 +63,11 @@ def digest(content: Mapping[str, Any]) -> str:
 # ----------------------------------------------------------------------------------------------- what it was made from
 
 
-def list_code() -> Iterator[Path]:
-    """List the files of the packages that a notebook may import."""
-    for package in SETTINGS.get("packages", ()):
-        for file in (ROOT / package).rglob("*.*"):
-            if INPUT.fullmatch(file.name) and file.is_file():
-                yield file
-
-
 def digest_code(*sources: Path) -> dict[str, str]:
     """SHA-256, by name, of all that is known before a run: sources, packages, lock and settings."""
-    files = [*list_code(), ROOT / "requirements.lock", *sources]
+    folders = [ROOT / package for package in SETTINGS.get("packages", ())]
+    code = [file for each in folders for file in each.rglob("*.*") if INPUT.fullmatch(file.name)]
+    files = [*code, ROOT / "requirements.lock", *sources]
     digests = {file.relative_to(ROOT).as_posix(): sha256(file) for file in files}
     return digests | {"tool.workbook": digest(SETTINGS)}
 
@@ -98,7 +100,7 @@ def _read_json(file: Path, names: tuple[str, ...]) -> dict[str, Any]:
     try:
         held = json.loads(file.read_text("utf-8"))
         return {name: held.pop(name) for name in names} | {SAID: digest(held)}
-    except UNREADABLE:
+    except Exception:  # of whatever stands where JSON should
         return {}
 
 
@@ -134,9 +136,6 @@ def find_fault(name: str) -> str:
     return "" if record["made_from"] == digest(inputs) else MADE_BY_OTHER
 
 
-MADE_BY_OTHER = "made by other code or tables than those that are there"
-
-
 def refuse_faults() -> None:
     """Refuse to go on where results are missing, or are not those of the code and the tables that are there.
 
@@ -154,23 +153,17 @@ def refuse_faults() -> None:
         check_kept(ROOT / table)
     for name in sources:
         fault = find_fault(name)
-        if fault and (fault != MADE_BY_OTHER or _speaks(record_file(name))):
+        if fault and not (fault == MADE_BY_OTHER and read_record(name)[SAID] == digest(NOTHING)):
             raise UserError(f"{name}: {fault}; make all makes it")
-
-
-def _speaks(outcome: Path) -> bool:
-    """Whether a notebook hands the report anything."""
-    said = json.loads(outcome.read_text("utf-8"))
-    return any(said.get(each) for each in ("cells", "claims", "facts"))
 
 
 # -------------------------------------------------------------------------------------------------- what was made here
 
 
-def new_stamp(record: Path, seconds: float = 0.0, lacks: str = "") -> bytes:
-    """Describe a run that has left a record, as a stamp holds it; or what it lacked."""
+def write_stamp(name: str, seconds: float = 0.0, lacks: str = "") -> None:
+    """Write how long a notebook ran that has left a record; or what it lacked."""
     stamp = {"seconds": round(seconds), "ended": round(time.time()), "lacks": lacks}
-    return json.dumps(stamp | {"record": "" if lacks else sha256(record)}).encode()
+    write_bytes(stamp_file(name), as_json(stamp | {"record": sha256(record_file(name))}))
 
 
 def read_stamp(name: str) -> dict[str, Any]:
@@ -187,18 +180,14 @@ def find_why_due(name: str) -> str:
         return f"not run: {stamp['lacks']}"
     if sha256(record) != stamp["record"]:
         return f"{record.relative_to(ROOT)} is not as it was made here"
-    fault = find_fault(name)
-    return "not run here with this code" if fault == MADE_BY_OTHER else fault
+    return find_fault(name)
 
 
 def find_due() -> list[Path]:
     """Find the sources of notebooks that are due, the longest first, as a table of times has them."""
-    try:
-        with (RESULTS / "notebook_times.csv").open(encoding="utf-8") as file:
-            seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(file)}
-    except (OSError, ValueError, KeyError, TypeError):
-        seconds = {}
-    sources = notebook_sources()
+    times, sources = RESULTS / "notebook_times.csv", notebook_sources()
+    text = read_committed(times, str) if times.exists() else ""
+    seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(text.splitlines())}
     due = [name for name in sources if find_why_due(name)]
     return [sources[name] for name in sorted(due, key=lambda name: -seconds.get(name, 0))]
 

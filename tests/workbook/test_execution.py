@@ -180,7 +180,7 @@ def test_a_damaged_notebook_is_named_in_one_line_and_left_as_it_is(project, kind
 def test_where_one_place_cannot_be_written_nothing_is_put_in_place(project):
     folder = project(**{NAME: FAILS})
     (folder / "results" / "small.csv").mkdir()
-    with pytest.raises(execution.NotebookFailed, match=r"01_small\.py: .*results/small"):
+    with pytest.raises(OSError, match="results/small"):
         run(folder)
     assert made_in(folder) == {}
     assert not list(folder.rglob("*.tmp"))
