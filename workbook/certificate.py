@@ -4,6 +4,7 @@ import os
 import platform
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
@@ -165,8 +166,8 @@ def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
 
 def count_grades(grades: pd.Series) -> str:
     """Count printed numbers by how they agree."""
-    counts = grades.value_counts().reindex(judging.GRADES, fill_value=0)
-    return ", ".join(f"{count} {grade}" for grade, count in counts.items())
+    counts = Counter(grades)
+    return ", ".join(f"{counts[grade]} {grade}" for grade in judging.GRADES)
 
 
 def write_certificate(about: dict[str, Any]) -> str:

@@ -206,7 +206,6 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         on_notebook_start=_leave_signals,
     )
     log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
-    cause: Exception | None = None
     try:
         with log.open("wb") as file:
             client.execute(stderr=file)
@@ -217,13 +216,12 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
         if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
             raise DataUnavailable(error.evalue) from error
-        cause = error
-        why = f"code cell {client.code_cells_executed}: {explain_failure(error, log)}"
+        why = f"code cell {client.code_cells_executed}: {explain_failure(error)}"
     finally:
         atexit.unregister(client._cleanup_kernel)  # for a kernel ends by itself with this process
     if why:
         write_text(partial, nbformat.writes(notebook))
-        raise NotebookFailed(f"{source.name}, {why}; what it got to is in {partial}") from cause
+        raise NotebookFailed(f"{source.name}, {why}; what it got to is in {partial}")
 
 
 def _leave_signals(notebook: NotebookNode) -> None:
@@ -243,13 +241,11 @@ def take_stderr(notebook: NotebookNode) -> str:
     return ""
 
 
-def explain_failure(error: Exception, log: Path) -> str:
+def explain_failure(error: Exception) -> str:
     """Say in a line why a cell, or the kernel, did not end well."""
-    if isinstance(error, CellExecutionError):
-        return f"{error.ename}: {error.evalue}".partition("\n")[0]
     if isinstance(error, DeadKernelError):
         return "the kernel died: out of memory?"
-    why = str(error).partition("\n")[0]
-    if isinstance(error, RuntimeError):  # of a kernel that never was
-        why += f": {log.read_text(errors='replace').strip().rpartition(chr(10))[2]}"
-    return why
+    words = str(error)
+    if isinstance(error, CellExecutionError):
+        words = f"{error.ename}: {error.evalue}"
+    return words.partition("\n")[0]

@@ -85,6 +85,8 @@ def _resolution(cell: str, low: float, ours: float, high: float) -> str:
 
 def _judge_number(row: Any) -> dict[str, Any]:
     """Rules 2 to 4, of one number beside the printed one."""
+    place = f"row {row.row}" if row.row.isdigit() else row.row
+    column = "" if row.column == "value" else f", {row.column.replace('_', ' ')}"
     settings = row.numbers if isinstance(row.numbers, Mapping) else {}
     pooled = [*chain(*settings.values())] if settings else [row.numbers]
     ours = float(np.median(pooled))
@@ -118,6 +120,7 @@ def _judge_number(row: Any) -> dict[str, Any]:
     elif row.source == CONSISTENT:
         grade = "consistent"
     return {
+        "name": f"{row.element}, {place}{column}",
         "reproduced": ours,
         "low": low,
         "high": high,
@@ -135,16 +138,8 @@ def judge_numbers(ours: pd.DataFrame) -> pd.DataFrame:
     """Compare ours, `source, numbers` by id, with printed numbers: those of the table of cells, with their verdicts."""
     cells = read_table("cells").rename(columns={"source": "expected", "value": "published"})
     table = ours.join(cells.astype({"published": float}))
-    table["name"] = name_cells(table)
     verdicts = [_judge_number(row) for row in table.itertuples()]
     return table.assign(**pd.DataFrame(verdicts, table.index))
-
-
-def name_cells(cells: pd.DataFrame) -> list[str]:
-    """Names of printed numbers: "Table 2, row 1, mean"."""
-    rows = cells["row"].where(~cells["row"].str.isdigit(), "row " + cells["row"])
-    columns = (", " + cells["column"].str.replace("_", " ")).mask(cells["column"] == "value", "")
-    return [*(cells["element"] + ", " + rows + columns)]
 
 
 def verdicts() -> pd.DataFrame:
@@ -220,7 +215,7 @@ def claims() -> pd.DataFrame:
     another one, or two do.
     """
     table = read_table("claims").join(collect("claims", ["holds", "measured"]))
-    table["verdict"] = [CLAIM_VERDICTS[None if pd.isna(each) else each] for each in table["holds"]]
+    table["verdict"] = table["holds"].map(CLAIM_VERDICTS).fillna(CLAIM_VERDICTS[None])
     table["measured"] = table["measured"].fillna(table["untested"])
     for claim in table.index[table["measured"] == ""]:
         raise UserError(f"{claim}: no notebook has decided it; make all runs them")

@@ -22,8 +22,8 @@ def load_ipython_extension(shell: Any) -> None:
     """Prepare a kernel that has this file as an extension."""
     end_with_run()
     note_reads(Path(os.environ["REPLICATION_OUT"], READ))
-    bound_output(sys.stdout, sys.stderr.write)
-    bound_output(sys.stderr, sys.stderr.write)
+    for stream in (sys.stdout, sys.stderr):
+        bound_output(stream, sys.stderr.write)
 
 
 def end_with_run() -> None:

@@ -113,7 +113,7 @@ def write_animation(pictures: list[bytes], file: Path) -> None:
     from PIL import Image
 
     images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
-    palette = Image.fromarray(np.vstack(images)).quantize(COLOURS)
+    palette = Image.fromarray(np.vstack([np.asarray(image) for image in images])).quantize(COLOURS)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     file.parent.mkdir(parents=True, exist_ok=True)
     first.save(file, save_all=True, append_images=others, duration=PICTURE_MS, loop=0)

@@ -3,7 +3,7 @@
 import html
 import re
 import sys
-from collections import ChainMap
+from collections import ChainMap, Counter
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -77,7 +77,7 @@ def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
     if not (RESULTS / "notebook_times.csv").exists():
         return {}
     seconds = read_kept("notebook_times").set_index("notebook")["seconds"]
-    makers = cells[cells["notebook"] != ""].groupby("element")["notebook"].unique()
+    makers = cells.groupby("element")["notebook"].unique()
     return {element: int(seconds.reindex(names).sum()) for element, names in makers.items()}
 
 
@@ -105,7 +105,7 @@ def _chain(changes: pd.DataFrame) -> str:
 def describe(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Any]:
     """Everything that a template may name: verdicts, claims, the paper's tables, and the notebooks' facts, `f`."""
     cells = verdicts.assign(shown=verdicts["grade"].replace("consistent", "agrees"))
-    counts = {grade: (cells["grade"] == grade).sum() for grade in judging.GRADES}
+    counts = Counter(cells["grade"])
     described = {
         "f": dict(ChainMap(*(each["facts"] for each in load_outcomes().values()))),
         "cells": cells.to_dict("records"),
