@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-import pandas as pd
 from llvmlite import binding
 
 from replication.files import KEPT_SHA256, UserError
@@ -19,6 +18,7 @@ from workbook.report import make_report, provenance, refuse_stale
 from workbook.stamps import find_why_due, list_kept, list_made, read_stamp, refuse_faults, sha256
 
 ANOTHER = "a row made again is another"
+Said = dict[str, dict[str, Any]]  # of each file or printed number
 MADE = ("results", "figures", "notebooks/*.ipynb", "README.md")  # as git finds what is made
 
 
@@ -53,14 +53,13 @@ def certify(full: bool = False) -> dict[str, Any]:
     remarks = {name: run["why"] for name, run in runs.items() if run.get("lacks")}
     differences |= {name: run["why"] for name, run in runs.items() if name not in remarks}
     differences |= dict.fromkeys(changed, "changed since")
-    differences |= dict.fromkeys(results.index[~results["same"]], "not as committed")
+    differences |= {name: "not as committed" for name in results if not results[name]["same"]}
     differences["public data"] = "; ".join(sorted({*data.values()} - {""}))
-    for name in results.index.intersection(list_kept()):
+    for name in filter(results.get, list_kept()):
         kept[name] = row = make_row_again(name) if full else ""
         (differences if row == ANOTHER else remarks)[name] = row
-    is_here = numbers["notebook"].isin(["", *here])  # "": needs no run
-    made = results[results["made_here"]]
-    unchanged = [os.path.basename(name) for name in kept if results["same"][name]]
+    made = [each for each in results.values() if each["made_here"]]
+    unchanged = [os.path.basename(name) for name in kept if results[name]["same"]]
     summary = {
         "commit": _git("rev-parse", "HEAD").strip(),
         "changed since": ", ".join(changed) or "nothing",
@@ -69,22 +68,23 @@ def certify(full: bool = False) -> dict[str, Any]:
         "versions": ", ".join(map(" ".join, provenance()["versions"].items())),
         "notebooks run here with this code": f"{len(here)} of {len(runs)}, "
         f"{sum_up_seconds(runs[name] for name in here)}",
-        "made here and the same": f"{made['same'].sum()} of {len(made)} files that were made here",
+        "made here and the same": f"{sum(each['same'] for each in made)} of {len(made)} files "
+        "that were made here",
         "kept, unchanged, not made here": f"{', '.join(unchanged) or 'none'}; of what is made, "
         f"{len(results) - len(made) - len(kept)} files were not",
         "sources": f"public data as registered: {[*data.values()].count('')} of {len(data)}",
-        "printed numbers, by notebooks run here": count_grades(numbers.loc[is_here, "grade"]),
-        "printed numbers, by committed outcomes": count_grades(numbers.loc[~is_here, "grade"]),
+        "printed numbers, by notebooks run here": count_grades(numbers, here, True),
+        "printed numbers, by committed outcomes": count_grades(numbers, here, False),
     }
     return {
         "summary": summary,
         "differences": _list_lines(differences),
         "remarks": _list_lines(remarks),
         "runs": runs,
-        "results": results.to_dict("index"),
+        "results": results,
         "data": data,
         "kept": kept,
-        "numbers": numbers.to_dict("index"),
+        "numbers": numbers,
     }
 
 
@@ -93,28 +93,32 @@ def _list_lines(said: Mapping[str, str]) -> list[str]:
     return [f"{name}: {words}" for name, words in said.items() if words]
 
 
-def judge_here() -> tuple[pd.DataFrame, set[str], dict[str, str]]:
-    """Make the report again: the printed numbers' grades, the files that it is, and why it can't be made."""
+def judge_here() -> tuple[Said, set[str], dict[str, str]]:
+    """Make the report again: each printed number's grade, the files that it is, and why it can't be made."""
     try:
         refuse_faults()
         report = make_report()
         refuse_stale(report)
     except UserError as error:
-        nothing = pd.DataFrame(columns=["grade", "notebook"])
-        return nothing, set(), {"no number is judged": str(error)}
+        return {}, set(), {"no number is judged": str(error)}
     numbers = judging.verdicts()[["grade", "notebook"]]
-    return numbers, {file.relative_to(ROOT).as_posix() for file in report}, {}
+    return numbers.to_dict("index"), {file.relative_to(ROOT).as_posix() for file in report}, {}
 
 
-def compare_results(made_here: set[str]) -> tuple[list[str], pd.DataFrame]:
+def compare_results(made_here: set[str]) -> tuple[list[str], Said]:
     """List what changed since the commit; and of what is made its SHA-256, is it the `same`, and was it `made_here`."""
     committed = {*_list("ls-files", "-z", *MADE, f":!results/{KEPT_SHA256}")}
     changed = {*_list("diff", "-z", "--name-only", "--relative", "HEAD")}
     changed |= {*_list("ls-files", "-z", "-o", "--exclude-standard")}
-    names = sorted(made_here | committed)
-    table = pd.DataFrame({"sha256": [sha256(ROOT / name) for name in names]}, names)
-    table["same"] = table.index.isin(committed - changed)
-    return sorted(changed), table.assign(made_here=table.index.isin(made_here))
+    results = {
+        name: {
+            "sha256": sha256(ROOT / name),
+            "same": name in committed - changed,
+            "made_here": name in made_here,
+        }
+        for name in sorted(made_here | committed)
+    }
+    return sorted(changed), results
 
 
 def check_data() -> dict[str, str]:
@@ -164,9 +168,10 @@ def sum_up_seconds(runs: Iterable[dict[str, Any]]) -> str:
     return f"{sum(map(len, ran))} s in sum, {wall} s of wall time"
 
 
-def count_grades(grades: pd.Series) -> str:
-    """Count printed numbers by how they agree."""
-    counts = Counter(grades)
+def count_grades(numbers: Said, here: list[str], is_here: bool) -> str:
+    """Count printed numbers by how they agree: those of notebooks that ran here, or the others."""
+    of = [each for each in numbers.values() if (each["notebook"] in ("", *here)) == is_here]
+    counts = Counter(each["grade"] for each in of)  # "": needs no run
     return ", ".join(f"{counts[grade]} {grade}" for grade in judging.GRADES)
 
 

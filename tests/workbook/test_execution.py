@@ -311,9 +311,9 @@ def test_a_killed_make_leaves_no_process_and_no_half_file_and_the_next_one_goes_
     wait_until(lambda: len(find_pids()) == 3, 100)
     wait_until((folder / ".make" / f"{NAME}.ran").exists, 100)
     started = {process.pid for process in psutil.Process(make.pid).children(recursive=True)}
-    make.kill()  # and nobody waits for it
-    wait_until(lambda: not (started | find_pids()).intersection(psutil.pids()), 10)
+    make.kill()
     make.wait()
+    wait_until(lambda: not (started | find_pids()).intersection(psutil.pids()), 10)
     assert [name for name in LEFT if name in made_in(folder)] == LEFT
     assert not (folder / "notebooks" / "02_long.ipynb").exists()
     for source, status in (("1 / 0", 2), ("print(1)", 0)):
