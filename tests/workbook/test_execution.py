@@ -126,7 +126,7 @@ def test_a_notebook_that_fails_is_named_in_one_line_and_leaves_the_last_results(
 
 
 @pytest.fixture
-def edited(project):
+def edited(without_kernel, project):
     """A project whose executed notebook was edited after its run."""
     folder = project(**{NAME: '# %% tags=["parameters"]\nrepeats = 30\n'})
     run(folder)
@@ -138,20 +138,16 @@ def edited(project):
     return folder
 
 
-def test_an_executed_notebook_that_was_edited_is_never_overwritten(without_kernel, edited):
-    before = made_in(edited)
-    with pytest.raises(UserError, match=r"01_small\.ipynb: edited, and left as it is"):
-        run(edited)
-    assert made_in(edited) == before
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("newer", [f"{NAME}.py", f"{NAME}.ipynb"])
-def test_the_advice_takes_the_edits_over_whichever_file_is_newer(edited, newer):
+def test_an_executed_notebook_that_was_edited_is_kept_and_the_advice_takes_the_edits_over(
+    edited, newer
+):
     shutil.copy(ROOT / "pyproject.toml", edited)
     os.utime(edited / "notebooks" / newer, (2**32, 2**32))
-    with pytest.raises(UserError) as refused:
+    before = made_in(edited)
+    with pytest.raises(UserError, match=r"01_small\.ipynb: edited, and left as it is") as refused:
         run(edited)
+    assert made_in(edited) == before
     advised = shlex.split(re.search(r"(\.venv/bin/jupytext .*) takes", str(refused.value))[1])
     subprocess.run([ROOT / advised[0], *advised[1:]], cwd=edited, check=True, capture_output=True)
     assert 'tags=["parameters"]\nrepeats = 32\n' in small(edited).read_text("utf-8")
@@ -161,8 +157,6 @@ def test_the_advice_takes_the_edits_over_whichever_file_is_newer(edited, newer):
 
 DAMAGED = {
     "truncated": ("ipynb", b'{"cells": [{"cell_type": "code", "source": ["repe', "delete it"),
-    "merge-marked": ("ipynb", b"{\n<<<<<<< HEAD\n=======\n>>>>>>> other\n}", "delete it"),
-    "empty": ("ipynb", b"", "delete it"),
     "another JSON": ("ipynb", b"[1, 2]", "delete it"),
     "not in UTF-8": ("py", "# %%\nname = 'größer'\n".encode("latin-1"), "correct it"),
 }
