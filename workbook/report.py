@@ -160,18 +160,18 @@ def render(described: dict[str, Any]) -> tuple[str, str]:
     """Fill in the template: the report, and its first section as the README has it; UserError where a number lacks."""
     template = load_template()
     try:
-        context = template.new_context(described | {"up": ""})
-        "".join(template.root_render_func(context))  # which gives the block what stands before it
+        context = template.new_context(described)
+        page = "".join(template.root_render_func(context))
         status = "".join(template.blocks["status"](context))
-        return template.render(described, up="../"), status.strip()
     except jinja2.UndefinedError as error:
         raise UserError(f"the report lacks a number: {error}; run make all") from error
+    return page, status.strip().replace("](../", "](")  # for a README lies one folder higher
 
 
 def provenance() -> dict[str, Any]:
     """Versions of Python and of the packages that compute; SHA-256 of the public data by name."""
     versions = {package: version(package) for package in SETTINGS.get("versions", ())}
-    python = ".".join(map(str, sys.version_info[:2]))
+    python = "{}.{}".format(*sys.version_info)
     return {
         "versions": {"python": python} | versions,
         "authors_files": find_hook("checksums", dict)(),
@@ -194,12 +194,7 @@ def make_report() -> dict[Path, bytes]:
         Something is missing that the report is made from.
     """
     verdicts, claims = judging.verdicts(), judging.claims()
-    try:
-        described = describe(verdicts, claims)
-    except (ValueError, LookupError) as error:
-        why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
-        raise UserError(f"{RESULTS}: the report cannot be made from it ({why})") from error
-    page, status = render(described)
+    page, status = render(describe(verdicts, claims))
     text, count = STATUS.subn(lambda _: f"{status}\n", read_committed(README, str))
     if count != 1:
         raise UserError(

@@ -100,7 +100,11 @@ SAID = [
         ["refuses all 20 public logs that we found, 9 because the"],
         [],
     ),
-    ({"f.hardware.refused": 0}, ["refuses 0 of 20 public logs that we found."], []),
+    (
+        {"f.hardware.logs": 20, "f.hardware.refused": 0},
+        ["refuses 0 of 20 public logs that we found."],
+        [],
+    ),
     (
         {
             "f.multiverse.starts.per table.reaching": 3,
