@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from llvmlite import binding
@@ -59,7 +60,7 @@ def certify(full: bool = False) -> dict[str, Any]:
         kept[name] = row = make_row_again(name) if full else ""
         (differences if row == ANOTHER else remarks)[name] = row
     made = [each for each in results.values() if each["made_here"]]
-    unchanged = [os.path.basename(name) for name in kept if results[name]["same"]]
+    unchanged = [Path(name).name for name in kept if results[name]["same"]]
     summary = {
         "commit": _git("rev-parse", "HEAD").strip(),
         "changed since": ", ".join(changed) or "nothing",
@@ -135,7 +136,7 @@ def check_data() -> dict[str, str]:
 
 def make_row_again(table: str) -> str:
     """Make a row of a kept table again, by the settings' module; say how it ended."""
-    command = [sys.executable, "-m", SETTINGS["kept"], os.path.basename(table)[:-4]]
+    command = [sys.executable, "-m", SETTINGS["kept"], Path(table).stem]
     variables = os.environ | find_hook("environment", dict)()
     ended = subprocess.run(command, cwd=ROOT, env=variables, capture_output=True, text=True)
     if ended.returncode:
@@ -146,10 +147,9 @@ def make_row_again(table: str) -> str:
 
 def _git(*arguments: str) -> str:
     """What git says of this folder, which may lie in another one's clone."""
+    command = ["git", *arguments]
     try:
-        return subprocess.run(
-            ["git", *arguments], cwd=ROOT, capture_output=True, check=True, text=True
-        ).stdout
+        return subprocess.check_output(command, cwd=ROOT, stderr=subprocess.DEVNULL, text=True)
     except (OSError, subprocess.CalledProcessError) as error:
         raise UserError(f"{ROOT}: no clone with a commit to compare with ({error})") from error
 

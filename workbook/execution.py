@@ -6,7 +6,6 @@ import fcntl
 import hashlib
 import json
 import os
-import re
 import shlex
 import signal
 import time
@@ -49,8 +48,6 @@ HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an ed
 UNSET = ("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONINSPECT", "PYTHONSTARTUP")
 # Variables that name a folder of settings.
 FOLDERS = ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "MATPLOTLIBRC", "MPLCONFIGDIR")
-# What a library says on stderr, and does not matter.
-HARMLESS = re.compile(r"Matplotlib is building the font cache; this may take a moment\.\n")
 
 
 class NotebookFailed(UserError):
@@ -212,7 +209,7 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         log.unlink()
         # Its third number, on which nothing depends.
         del notebook.metadata["language_info"]["version"]
-        why = take_stderr(notebook)
+        why = find_stderr(notebook)
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
         if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
             raise DataUnavailable(error.evalue) from error
@@ -230,14 +227,14 @@ def _leave_signals(notebook: NotebookNode) -> None:
         asyncio.get_running_loop().remove_signal_handler(each)
 
 
-def take_stderr(notebook: NotebookNode) -> str:
-    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it."""
+def find_stderr(notebook: NotebookNode) -> str:
+    """Say what a cell says on stderr, where a student would see it; "" where none does."""
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
-        for output in [each for each in cell.outputs if each.get("name") == "stderr"]:
-            if unknown := HARMLESS.sub("", output.text).strip():
-                return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
-            cell.outputs.remove(output)
+        for output in cell.outputs:
+            if output.get("name") == "stderr":
+                line = output.text.strip().partition("\n")[0]
+                return f"code cell {number}: it says on stderr: {line:.300}"
     return ""
 
 

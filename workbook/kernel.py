@@ -1,5 +1,6 @@
 """What each kernel of a run does before its first cell: it watches the run, what is read and what is printed."""
 
+import logging
 import os
 import re
 import signal
@@ -21,6 +22,8 @@ HIDDEN = re.compile(r"(^|/)(\.|__pycache__)")
 def load_ipython_extension(shell: Any) -> None:
     """Prepare a kernel that has this file as an extension."""
     end_with_run()
+    # Else the first figure of a checkout says on stderr that a list of fonts is made.
+    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     note_reads(Path(os.environ["REPLICATION_OUT"], READ))
     for stream in (sys.stdout, sys.stderr):
         bound_output(stream, sys.stderr.write)

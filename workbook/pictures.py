@@ -38,8 +38,17 @@ def save(figure: "Figure", folder: Path, name: str, mark: str = "") -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     if mark:
-        look: dict[str, Any] = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
-        figure.text(0.5, 0.5, mark, ha="center", va="center", **look)
+        figure.text(
+            0.5,
+            0.5,
+            mark,
+            ha="center",
+            va="center",
+            fontsize=40,
+            color="0.6",
+            alpha=0.4,
+            rotation=20,
+        )
     with rc_context(find_style()):
         about = {"Date": None, "Description": describe_axes(figure)}
         figure.savefig(folder / f"{name}.svg", metadata=about)

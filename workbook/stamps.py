@@ -143,12 +143,12 @@ def refuse_faults() -> None:
     hands the report nothing may be one that cannot run here: it may be older than the code.
     """
     sources = notebook_sources()
-    for file in sorted((RESULTS / "outcomes").glob("*.json")):
-        if file.stem not in sources:
-            raise UserError(
-                f"{file.relative_to(ROOT)}: no notebook makes it; git checkout brings the notebook "
-                "back, or delete it"
-            )
+    outcomes = {file.stem for file in (RESULTS / "outcomes").glob("*.json")}
+    for name in outcomes - sources.keys():
+        raise UserError(
+            f"results/outcomes/{name}.json: no notebook makes it; git checkout brings the notebook "
+            "back, or delete it"
+        )
     for table in list_kept():
         check_kept(ROOT / table)
     for name in sources:
@@ -185,11 +185,11 @@ def find_why_due(name: str) -> str:
 
 def find_due() -> list[Path]:
     """Find the sources of notebooks that are due, the longest first, as a table of times has them."""
-    times, sources = RESULTS / "notebook_times.csv", notebook_sources()
-    text = read_committed(times, str) if times.exists() else ""
-    seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(text.splitlines())}
-    due = [name for name in sources if find_why_due(name)]
-    return [sources[name] for name in sorted(due, key=lambda name: -seconds.get(name, 0))]
+    times = RESULTS / "notebook_times.csv"
+    lines = read_committed(times, str.splitlines) if times.exists() else []
+    seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(lines)}
+    due = [source for name, source in notebook_sources().items() if find_why_due(name)]
+    return sorted(due, key=lambda source: -seconds.get(source.stem, 0))
 
 
 def drop_stale_caches() -> None:
