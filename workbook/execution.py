@@ -29,7 +29,7 @@ from workbook.stamps import (
     add_record,
     digest_code,
     drop_stale_caches,
-    record_file,
+    record_name,
     stamp_file,
     write_stamp,
 )
@@ -180,7 +180,7 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
             for file in staging.rglob("[!.]*")
             if file.is_file()
         }
-    record = record_file(source.stem).relative_to(ROOT).as_posix()
+    record = record_name(source.stem)
     said = NOTHING | json.loads(made.pop(record, b"{}"))
     made[record] = as_json(add_record(said, code, read, made))
     write_files({destination / name: content for name, content in made.items()})

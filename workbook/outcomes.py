@@ -24,6 +24,7 @@ from replication.files import (
     write_json,
 )
 from workbook.project import RESULTS, ROOT, SETTINGS, SIMULATED, notebook_sources
+from workbook.stamps import record_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,5 +158,5 @@ def save_outcome(
 
 def load_outcomes() -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
-    files = {name: RESULTS / "outcomes" / f"{name}.json" for name in notebook_sources()}
-    return {name: read_committed(file, json.loads) for name, file in files.items() if file.exists()}
+    files = map(record_file, notebook_sources())
+    return {file.stem: read_committed(file, json.loads) for file in files if file.exists()}

@@ -85,9 +85,14 @@ def add_record(
     return {**said, **record, "made": {SAID: digest(said), **files}}
 
 
+def record_name(name: str) -> str:
+    """Name, from the project's folder, the file that says what a notebook was made from."""
+    return f"results/outcomes/{name}.json"
+
+
 def record_file(name: str) -> Path:
-    """Name the file that says what a notebook was made from."""
-    return RESULTS / "outcomes" / f"{name}.json"
+    """Find the file that says what a notebook was made from."""
+    return ROOT / record_name(name)
 
 
 def stamp_file(name: str) -> Path:
@@ -111,8 +116,7 @@ def read_record(name: str) -> dict[str, Any]:
 
 def list_made(name: str) -> set[str]:
     """List what a notebook has made, by names from the project's folder, with its record."""
-    record = record_file(name).relative_to(ROOT).as_posix()
-    return {record, *read_record(name)["made"]} - {SAID}
+    return {record_name(name), *read_record(name)["made"]} - {SAID}
 
 
 def list_kept() -> list[str]:
@@ -126,8 +130,7 @@ def find_fault(name: str) -> str:
     """Say what is not as the record of a notebook says; "" where all is."""
     record = read_record(name)
     if not record:
-        file = record_file(name).relative_to(ROOT)
-        return f"{file} is missing, or says not what it was made from"
+        return f"{record_name(name)} is missing, or says not what it was made from"
     for file, expected in record["made"].items():
         if (record[SAID] if file == SAID else sha256(ROOT / file)) != expected:
             return f"{file} is missing, or not as it was made"
@@ -146,7 +149,7 @@ def refuse_faults() -> None:
     outcomes = {file.stem for file in (RESULTS / "outcomes").glob("*.json")}
     for name in outcomes - sources.keys():
         raise UserError(
-            f"results/outcomes/{name}.json: no notebook makes it; git checkout brings the notebook "
+            f"{record_name(name)}: no notebook makes it; git checkout brings the notebook "
             "back, or delete it"
         )
     for table in list_kept():
@@ -173,13 +176,13 @@ def read_stamp(name: str) -> dict[str, Any]:
 
 def find_why_due(name: str) -> str:
     """Say why a notebook has not been made here as it would be now; "" where it has."""
-    stamp, record = read_stamp(name), record_file(name)
+    stamp = read_stamp(name)
     if not stamp:
         return "not run here"
     if stamp["lacks"]:
         return f"not run: {stamp['lacks']}"
-    if sha256(record) != stamp["record"]:
-        return f"{record.relative_to(ROOT)} is not as it was made here"
+    if sha256(record_file(name)) != stamp["record"]:
+        return f"{record_name(name)} is not as it was made here"
     return find_fault(name)
 
 
