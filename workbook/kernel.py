@@ -66,9 +66,9 @@ def note_reads(notes: Path) -> None:
 
 
 def read_notes(notes: Path) -> dict[str, str]:
-    """SHA-256 of what was read, by name, as it was when it was read first."""
+    """SHA-256 of what was read, by name."""
     lines = notes.read_text("utf-8").splitlines() if notes.exists() else []
-    return dict(line.rsplit(" ", 1) for line in reversed(lines))
+    return dict(line.rsplit(" ", 1) for line in lines)
 
 
 def bound_output(stream: Any, complain: Callable[[str], Any]) -> None:

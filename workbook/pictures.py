@@ -62,11 +62,9 @@ def find_style() -> Any:
 
 def describe_axes(figure: "Figure") -> str:
     """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
-    panels = []
-    for axis in figure.axes:
-        labels = (axis.get_ylabel(), axis.get_xlabel())
-        panels.append(" versus ".join(each.replace("\n", " ") for each in labels if each))
-    return "; ".join(dict.fromkeys(panel for panel in panels if panel))
+    labels = [(axis.get_ylabel(), axis.get_xlabel()) for axis in figure.axes]
+    panels = [" versus ".join(filter(None, pair)) for pair in labels]
+    return "; ".join(dict.fromkeys(filter(None, panels))).replace("\n", " ")
 
 
 COLOURS = 64  # of an animation
