@@ -61,13 +61,10 @@ def certify(full: bool = False) -> dict[str, Any]:
         (differences if row == ANOTHER else remarks)[name] = row
     made = [each for each in results.values() if each["made_here"]]
     unchanged = [Path(name).name for name in kept if results[name]["same"]]
-    versions = provenance()["versions"] | {"python": platform.python_version()}
     summary = {
         "commit": _git("rev-parse", "HEAD").strip(),
         "changed since": ", ".join(changed) or "nothing",
-        "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
-        "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
-        "versions": ", ".join(map(" ".join, versions.items())),
+        **describe_machine(),
         "notebooks run here with this code": f"{len(here)} of {len(runs)}, "
         f"{sum_up_seconds(runs[name] for name in here)}",
         "made here and the same": f"{sum(each['same'] for each in made)} of {len(made)} files "
@@ -87,6 +84,16 @@ def certify(full: bool = False) -> dict[str, Any]:
         "data": data,
         "kept": kept,
         "numbers": numbers,
+    }
+
+
+def describe_machine() -> dict[str, str]:
+    """What it ran on, and when."""
+    versions = provenance()["versions"] | {"python": platform.python_version()}
+    return {
+        "date": f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+        "machine": f"{platform.platform()}, {binding.get_host_cpu_name()}, {os.cpu_count()} cores",
+        "versions": ", ".join(map(" ".join, versions.items())),
     }
 
 
