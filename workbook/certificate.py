@@ -24,7 +24,7 @@ MADE = ("results", "figures", "notebooks/*.ipynb", "README.md")  # as git finds 
 
 
 def certify(full: bool = False) -> dict[str, Any]:
-    """Gather what a rerun says. The report is made again here, and compared.
+    """Gather what a rerun says; the report is made again.
 
     Parameters
     ----------
@@ -34,10 +34,9 @@ def certify(full: bool = False) -> dict[str, Any]:
     Returns
     -------
     dict
-        A `summary` in words, the `differences` from what is committed, and `remarks`; of each notebook why it does not
-        count as made here, and its stamp; of each result its SHA-256, is it the `same` as committed, was it made here;
-        of each file of public data why it is not the registered one; of each kept table what a row made again is; of
-        each printed number how it agrees, and by which notebook.
+        A `summary`, the `differences` from what is committed, and `remarks`; of each notebook its stamp and why it does
+        not count as made here; of each result its SHA-256, is it the `same` as committed, was it made here; of data why
+        they are not the registered ones; of each kept table what a row made again is; of each number its grade.
 
     Raises
     ------
@@ -50,6 +49,7 @@ def certify(full: bool = False) -> dict[str, Any]:
     here = [name for name, run in runs.items() if not run["why"]]
     numbers, report, differences = judge_here()
     changed, results = compare_results(report.union(*map(list_made, here)))
+    took = sum_up_seconds(runs[name] for name in here)
     data, kept = check_data(), {}
     remarks = {name: run["why"] for name, run in runs.items() if run.get("lacks")}
     differences |= {name: run["why"] for name, run in runs.items() if name not in remarks}
@@ -59,17 +59,15 @@ def certify(full: bool = False) -> dict[str, Any]:
     for name in filter(results.get, list_kept()):
         kept[name] = row = make_row_again(name) if full else ""
         (differences if row == ANOTHER else remarks)[name] = row
-    made = [each for each in results.values() if each["made_here"]]
-    unchanged = [Path(name).name for name in kept if results[name]["same"]]
+    made = [each["same"] for each in results.values() if each["made_here"]]
+    unchanged = ", ".join(Path(name).name for name in kept if results[name]["same"]) or "none"
     summary = {
         "commit": _git("rev-parse", "HEAD").strip(),
         "changed since": ", ".join(changed) or "nothing",
         **describe_machine(),
-        "notebooks run here with this code": f"{len(here)} of {len(runs)}, "
-        f"{sum_up_seconds(runs[name] for name in here)}",
-        "made here and the same": f"{sum(each['same'] for each in made)} of {len(made)} files "
-        "that were made here",
-        "kept, unchanged, not made here": f"{', '.join(unchanged) or 'none'}; of what is made, "
+        "notebooks run here with this code": f"{len(here)} of {len(runs)}, {took}",
+        "made here and the same": f"{sum(made)} of {len(made)} files that were made here",
+        "kept, unchanged, not made here": f"{unchanged}; of what is made, "
         f"{len(results) - len(made) - len(kept)} files were not",
         "sources": f"public data as registered: {[*data.values()].count('')} of {len(data)}",
         "printed numbers, by notebooks run here": count_grades(numbers, here, True),
