@@ -82,7 +82,7 @@ clean:  ## remove what can be made again and is not committed
 # .venv/.installed is what notebooks need; .venv/.NAME is a group of pyproject.toml, what a target needs besides.
 INSTALL = @[ -w . ] || { echo 'This folder is read-only: copy it to where you may write, then run make there' >&2; exit 2; }; \
 	$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed: make PYTHON=...")' && \
-	MAKE_PID=$$PPID $(PYTHON) -E -s -m workbook.install $@
+	$(PYTHON) -E -s -m workbook.install $@
 # A Python that is asked for is compared with that of .venv.
 .venv/.installed: pyproject.toml requirements.lock $(if $(filter-out file,$(origin PYTHON)),FORCE)
 	$(INSTALL)

@@ -1,6 +1,6 @@
 """The workbook: runs the notebooks, compares what they export with the printed numbers, makes report and book."""
 
-from importlib import import_module
+from pkgutil import resolve_name
 
 # What notebooks call; `python -m workbook` needs none of it.
 _MODULE_OF = {
@@ -36,4 +36,4 @@ def __getattr__(name: str) -> object:
     pd.set_option(
         "display.max_colwidth", None, "display.max_columns", None, "display.max_rows", 200
     )
-    return getattr(import_module(f"workbook.{_MODULE_OF[name]}"), name)
+    return resolve_name(f"workbook.{_MODULE_OF[name]}:{name}")

@@ -4,13 +4,15 @@ What a command needs is imported when it runs: `check` needs no kernel, and `run
 """
 
 import argparse
+import contextlib
 import io
 import os
 import sys
+import threading
+import time
 from pathlib import Path
 
 from replication.files import UserError, as_json, write_files
-from workbook.parent import end_with_make
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -25,9 +27,6 @@ def main(arguments: list[str] | None = None) -> int:
     )
     options = vars(parser.parse_args(arguments))
     end_with_make()
-    if sys.stdout is None:
-        print("the standard output is closed; send it to a file or to /dev/null", file=sys.stderr)
-        return 2
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
             stream.reconfigure(errors="replace")
@@ -49,6 +48,20 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; what was finished is kept", file=sys.stderr)
         return 130
+
+
+def end_with_make() -> None:
+    """End this process with the make that MAKE_PID names, in whatever way that ends."""
+    process = int(os.environ.get("MAKE_PID", 0))  # 0: this process's own group, which lives
+
+    def watch() -> None:
+        with contextlib.suppress(ProcessLookupError):
+            while True:
+                os.kill(process, 0)
+                time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def find_folders() -> None:

@@ -6,14 +6,11 @@ import fcntl
 import hashlib
 import json
 import os
-import re
 import shlex
-import shutil
 import signal
-import subprocess
 import time
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 import joblib
 import jupytext
@@ -24,34 +21,33 @@ from nbclient.exceptions import CellControlSignal, CellExecutionError, DeadKerne
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell
 
-from replication.files import (
-    DataUnavailable,
-    UserError,
-    as_json,
-    write_bytes,
-    write_files,
-    write_text,
-)
+from replication.files import DataUnavailable, UserError, as_json, write_files, write_text
 from workbook.kernel import READ, read_notes
 from workbook.project import RESULTS, ROOT, SIMULATED, find_hook, notebook_sources
 from workbook.stamps import (
+    NOTHING,
     add_record,
     digest_code,
     drop_stale_caches,
-    new_stamp,
-    record_file,
+    record_name,
     stamp_file,
+    write_stamp,
 )
 
 CELL_TIMEOUT_S = 900
 MEMORY_LIMIT = Path("/sys/fs/cgroup/memory.max")
 WORKER_BYTES = 500 * 2**20  # of a process that computes, with the libraries that it loads
 KERNEL = {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"}
+# Its extension, and not ipykernel, ends a kernel with the process that started it: its workers, too.
+KERNEL_ARGUMENTS = [
+    "--IPKernelApp.extensions=workbook.kernel",
+    "--IPKernelApp.parent_handle=0",
+    "--IPKernelApp.log_level=50",  # else it advises on how to end it
+]
 HASH = "cells_sha256"  # in the metadata of an executed notebook, by which an edit is noticed
-NOTHING: dict[str, Any] = {"cells": [], "claims": [], "facts": {}}  # for the report
 UNSET = ("JUPYTER_PATH", "JUPYTER_CONFIG_PATH", "PYTHONINSPECT", "PYTHONSTARTUP")
-# What a library says on stderr, and does not matter.
-HARMLESS = re.compile(r"Matplotlib is building the font cache; this may take a moment\.\n")
+# Variables that name a folder of settings.
+FOLDERS = ("IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "MATPLOTLIBRC", "MPLCONFIGDIR")
 
 
 class NotebookFailed(UserError):
@@ -70,7 +66,7 @@ def run(source: Path) -> str:
     Raises
     ------
     NotebookFailed
-        A cell failed or said something on stderr, or its kernel or the disk failed; what it got to lies in `.make`.
+        A cell failed or said something on stderr, or its kernel failed; what it got to lies in `.make`.
     UserError
         The source is none, or its `.ipynb` was edited.
     """
@@ -78,15 +74,14 @@ def run(source: Path) -> str:
     refuse_edited(source, read_notebook(source, "correct it"))
     start, name = time.monotonic(), source.stem
     where = ""
-    stamp, record = stamp_file(name), record_file(name)
     try:
         os.environ |= kernel_environment()
         drop_stale_caches()
-        with stamp.with_suffix(".lock").open("wb") as lock:
+        with stamp_file(name).with_suffix(".lock").open("wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             try:
                 _execute_into(ROOT, source)
-                write_bytes(stamp, new_stamp(record, time.monotonic() - start))
+                write_stamp(name, time.monotonic() - start)
             except DataUnavailable:
                 if not SIMULATED:
                     raise
@@ -94,21 +89,17 @@ def run(source: Path) -> str:
                 _execute_into(RESULTS / "offline", source, SIMULATED["warning"])
                 where = f" on {SIMULATED['mark']}"
     except DataUnavailable as missing:
-        write_bytes(stamp, new_stamp(record, lacks=str(missing)))
+        write_stamp(name, lacks=str(missing))
         return f"{name}: not run: {missing}; its committed results stay"
-    except OSError as error:
-        raise NotebookFailed(
-            f"{source.name}: {error}, while working in {ROOT / '.make'}"
-        ) from error
     return f"{name}: done{where} in {time.monotonic() - start:.0f} s"
 
 
 def find_source(file: Path) -> Path:
     """Find a notebook of the project by the file of its source, whichever links lead there."""
-    sources = {source.resolve(): source for source in notebook_sources().values()}
-    if file.resolve() not in sources:
+    source = notebook_sources().get(file.stem)
+    if source is None or source.resolve() != file.resolve():
         raise UserError(f"{file}: give the .py source of a notebook of {ROOT}")
-    return sources[file.resolve()]
+    return source
 
 
 def read_notebook(file: Path, advice: str) -> NotebookNode:
@@ -145,14 +136,11 @@ def cells_sha256(notebook: NotebookNode) -> str:
 def kernel_environment() -> dict[str, str]:
     """A kernel's variables: arithmetic and workers are pinned, the user's own settings shut out."""
     settings = ROOT / ".make" / "settings"  # kept, for the list of fonts takes seconds to make
-    folders = ("MPLCONFIGDIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR")
-    for name in folders:
-        (settings / name).mkdir(parents=True, exist_ok=True)
+    settings.mkdir(parents=True, exist_ok=True)
     return {
         **find_hook("environment", dict)(),
-        **{name: str(settings / name) for name in folders},
+        **dict.fromkeys(FOLDERS, str(settings)),
         **dict.fromkeys(UNSET, ""),
-        "MATPLOTLIBRC": str(settings / "none"),
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
         SIMULATED.get("variable", "SIMULATED"): "",
         "PYTHONHASHSEED": "0",
@@ -179,11 +167,9 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
     notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
-    staging = ROOT / ".make" / f"{source.stem}.staging"
-    shutil.rmtree(staging, ignore_errors=True)  # of a run that was killed
-    staging.mkdir()
-    try:
-        os.environ |= {"REPLICATION_OUT": str(staging), "REPLICATION_NOTEBOOK": source.stem}
+    with TemporaryDirectory(dir=ROOT / ".make") as folder:
+        staging = Path(folder)
+        os.environ |= {"REPLICATION_OUT": folder, "REPLICATION_NOTEBOOK": source.stem}
         execute(notebook, source, ROOT / ".make" / f"{source.stem}.failed.ipynb")
         executed = staging / source.relative_to(ROOT).with_suffix(".ipynb")
         executed.parent.mkdir(parents=True)
@@ -191,15 +177,13 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
         read = read_notes(staging / READ)
         made = {
             file.relative_to(staging).as_posix(): file.read_bytes()
-            for file in staging.rglob("*")
-            if file.is_file() and file.name != READ
+            for file in staging.rglob("[!.]*")
+            if file.is_file()
         }
-        record = record_file(source.stem).relative_to(ROOT).as_posix()
-        said = NOTHING | json.loads(made.pop(record, b"{}"))
-        made[record] = as_json(add_record(said, code, read, made))
-        write_files({destination / name: content for name, content in made.items()})
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
+    record = record_name(source.stem)
+    said = NOTHING | json.loads(made.pop(record, b"{}"))
+    made[record] = as_json(add_record(said, code, read, made))
+    write_files({destination / name: content for name, content in made.items()})
 
 
 def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
@@ -213,79 +197,52 @@ def execute(notebook: NotebookNode, source: Path, partial: Path) -> None:
         timeout=CELL_TIMEOUT_S,
         record_timing=False,
         shutdown_kernel="immediate",
-        extra_arguments=["--IPKernelApp.extensions=workbook.kernel"],
+        coalesce_streams=True,  # in how many pieces a text arrives is a matter of time
+        extra_arguments=KERNEL_ARGUMENTS,
         resources={"metadata": {"path": str(source.parent)}},
+        on_notebook_start=_leave_signals,
     )
-    started: list[subprocess.Popen] = []
-    client.on_notebook_start = lambda notebook: started.append(_end_together(client))
     log = partial.with_suffix(".log")  # what the kernel itself says, and not a cell
-    cause: Exception | None = None
     try:
         with log.open("wb") as file:
             client.execute(stderr=file)
         log.unlink()
         # Its third number, on which nothing depends.
         del notebook.metadata["language_info"]["version"]
-        why = take_stderr(notebook)
+        why = find_stderr(notebook)
     except (CellControlSignal, RuntimeError) as error:  # a cell, its time, or the kernel
-        atexit.unregister(client._cleanup_kernel)  # of a kernel that never was
         if isinstance(error, CellExecutionError) and error.ename == "DataUnavailable":
             raise DataUnavailable(error.evalue) from error
-        cause = error
-        why = f"code cell {client.code_cells_executed}: {explain_failure(error, started, log)}"
+        why = f"code cell {client.code_cells_executed}: {explain_failure(error)}"
+    finally:
+        atexit.unregister(client._cleanup_kernel)  # for a kernel ends by itself with this process
     if why:
         write_text(partial, nbformat.writes(notebook))
-        raise NotebookFailed(f"{source.name}, {why}; what it got to is in {partial}") from cause
+        raise NotebookFailed(f"{source.name}, {why}; what it got to is in {partial}")
 
 
-def take_stderr(notebook: NotebookNode) -> str:
-    """Take what is harmless on stderr out of a notebook; say what else there is: a student would see it.
+def _leave_signals(notebook: NotebookNode) -> None:
+    """Let a signal end this process, in place of what nbclient does at one."""
+    for each in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().remove_signal_handler(each)
 
-    Texts of a cell are joined: in how many pieces one arrives is a matter of time.
-    """
+
+def find_stderr(notebook: NotebookNode) -> str:
+    """Say what a cell says on stderr, where a student would see it; "" where none does."""
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for number, cell in enumerate(code, 1):
-        texts: dict[str, NotebookNode] = {}
-        for output in [each for each in cell.outputs if each.output_type == "stream"]:
-            first = texts.setdefault(output.name, output)
-            if first is not output:
-                first.text += output.text
-                cell.outputs = [each for each in cell.outputs if each is not output]
-        if "stderr" in texts:
-            if unknown := HARMLESS.sub("", texts["stderr"].text).strip():
-                return f"code cell {number}: it says on stderr: {unknown.splitlines()[0]:.300}"
-            cell.outputs.remove(texts["stderr"])
+        for output in cell.outputs:
+            if output.get("name") == "stderr":
+                line = output.text.strip().partition("\n")[0]
+                return f"code cell {number}: it says on stderr: {line:.300}"
     return ""
 
 
-def explain_failure(error: Exception, started: list[subprocess.Popen], log: Path) -> str:
+def explain_failure(error: Exception) -> str:
     """Say in a line why a cell, or the kernel, did not end well."""
+    if isinstance(error, DeadKernelError):
+        return "the kernel died: out of memory?"
+    words = str(error)
     if isinstance(error, CellExecutionError):
-        return f"{error.ename}: {error.evalue}".partition("\n")[0]
-    why = str(error).partition("\n")[0]
-    if isinstance(error, DeadKernelError) and started:
-        status = started[0].wait()
-        is_killed = status == -signal.SIGKILL
-        return f"the kernel died: {'killed: out of memory?' if is_killed else f'status {status}'}"
-    if not started:
-        why = " ".join([why, *log.read_text(errors="replace").splitlines()[-1:]])
-    return why
-
-
-def _end_together(client: NotebookClient) -> subprocess.Popen:
-    """Kill a kernel and its workers when this process ends, however it does: then the pipe closes.
-
-    A signal ends it, in place of what nbclient does at one. Returns the kernel's process.
-    """
-    for each in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().remove_signal_handler(each)
-    atexit.unregister(client._cleanup_kernel)
-    assert client.km is not None
-    provisioner: Any = client.km.provisioner
-    subprocess.Popen(
-        ["sh", "-c", f"read -r line; kill -s KILL -- -{provisioner.pgid}"],
-        stdin=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    return provisioner.process
+        words = f"{error.ename}: {error.evalue}"
+    return words.partition("\n")[0]

@@ -12,8 +12,9 @@
 """
 
 import math
-from collections.abc import Mapping
-from decimal import Decimal, InvalidOperation
+import re
+from collections.abc import Iterator, Mapping
+from decimal import Decimal
 from itertools import chain
 from typing import Any
 
@@ -24,7 +25,6 @@ from replication.files import UserError
 from workbook.outcomes import (
     OUTPUT_FOLDER,
     Cells,
-    Numbers,
     cell_rows,
     data_are_simulated,
     load_outcomes,
@@ -38,6 +38,7 @@ CONSISTENT = "the paper's own numbers"  # a source, whose numbers show that the 
 NOT_TESTED = ("stand-in", "taken over")
 GRADES = ("agrees", "agrees weakly", "consistent", "differs", "not tested")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
+NUMBER = re.compile(r"-?[\d.]+(e-?\d+)?%?")
 
 Criteria = Mapping[str, float] | None  # limits to try in place of those of the table, by claim
 Measured = Mapping[str, tuple[Any, str]]  # by claim what its rule compares, and in words
@@ -57,76 +58,88 @@ def collect(what: str, columns: list[str]) -> pd.DataFrame:
 # ----------------------------------------------------------------------------------------------------------- numbers
 
 
-def _pool(numbers: Numbers) -> list[float]:
-    """Realisations of all settings together; of one number, that."""
-    return [*chain(*numbers.values())] if isinstance(numbers, Mapping) else [numbers]
-
-
-def _interval(row: Any) -> tuple[float, float]:
-    """Rule 2."""
-    if isinstance(row.numbers, Mapping):
-        return find_hook("interval")(_pool(row.numbers))
-    tolerance = row.abs_tol + row.rel_tol * abs(row.published)
-    high = math.inf if row.kind == "bound" else row.reproduced + tolerance
-    return row.reproduced - tolerance, high
-
-
-def _resolution(row: Any) -> str:
-    """Rule 4, in words: "-4.3 % to +2.4 %"; of an SD factors: "1/4.3 to 21 times"; of a number about zero, its ends."""
-    low, ours = row.low, row.reproduced
-    if row.agreement == "not tested":
+def like_printed(value: float, printed: str, more: int = 0) -> str:
+    """Write our number with the digits of the printed one, or with more: as asked, or where that shows nothing."""
+    if math.isnan(value):
         return ""
-    if math.isinf(row.high):
+    if not (number := NUMBER.fullmatch(printed)):
+        return f"{value:.4g}"
+    if number[1]:
+        return f"{value:.2e}"
+    decimals = len(printed.rstrip("%").partition(".")[2])
+    text = f"{value:.{decimals + more}f}"
+    return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
+
+
+def _resolution(cell: str, low: float, ours: float, high: float) -> str:
+    """Rule 4, in words: "-4.3 % to +2.4 %"; of an SD factors: "1/4.3 to 21 times"; of a number about zero, its ends."""
+    if math.isinf(high):
         return "anything above"
-    if row.Index.endswith(".sd"):
-        return f"1/{ours / low:.2g} to {row.high / ours:.2g} times"
-    if low <= 0 <= row.high:
-        return f"{low - ours:+.2g} to {row.high - ours:+.2g}"
-    ends = sorted((100 * (low / ours - 1), 100 * (row.high / ours - 1)))
+    if cell.endswith(".sd"):
+        return f"1/{ours / low:.2g} to {high / ours:.2g} times"
+    if low <= 0 <= high:
+        return f"{low - ours:+.2g} to {high - ours:+.2g}"
+    ends = sorted(100 * (end / ours - 1) for end in (low, high))
     return f"{ends[0]:+.2g} % to {ends[1]:+.2g} %"
 
 
-def _reason(row: Any) -> str:
-    """Why a number agrees, differs or is not tested; and of realisations, how many lie below the printed one."""
-    if row.agreement == "not tested" and row.expected not in NOT_TESTED:
-        is_there = math.isfinite(row.reproduced)
-        return "too few realisations for an interval" if is_there else "no notebook computed it"
-    words = f"{row.why}; {row.reason}" if row.agreement == "differs" else row.reason
-    if not isinstance(row.numbers, Mapping):
-        return words
-    alone = [find_hook("interval")(each) for each in row.numbers.values()]
-    if np.isfinite(alone).all():
-        agreeing = sum(low <= row.published <= high for low, high in alone)
-        words += f"; agrees under {agreeing} of {len(alone)} settings alone"
-    pooled = _pool(row.numbers)
-    below = sum(x < row.published for x in pooled)
-    return f"{words}; {below} of {len(pooled)} realisations lie below the printed number"
+def _judge_number(row: Any) -> dict[str, Any]:
+    """Rules 2 to 4, of one number beside the printed one."""
+    place = f"row {row.row}" if row.row.isdigit() else row.row
+    column = "" if row.column == "value" else f", {row.column.replace('_', ' ')}"
+    settings = row.numbers if isinstance(row.numbers, Mapping) else {}
+    pooled = [*chain(*settings.values())] if settings else [row.numbers]
+    ours = float(np.median(pooled))
+    tolerance = row.abs_tol + row.rel_tol * abs(row.published)
+    low, high = ours - tolerance, math.inf if row.kind == "bound" else ours + tolerance
+    reason = row.reason
+    if settings:
+        interval = find_hook("interval")
+        low, high = interval(pooled)
+        alone = [interval(each) for each in settings.values()]
+        if np.isfinite(alone).all():
+            agreeing = sum(start <= row.published <= end for start, end in alone)
+            reason += f"; agrees under {agreeing} of {len(alone)} settings alone"
+        below = sum(x < row.published for x in pooled)
+        reason += f"; {below} of {len(pooled)} realisations lie below the printed number"
+    agrees, *others = (low <= each * row.published <= high for each in (1, 2 / 3, 4 / 3))
+    grade = agreement = "agrees" if agrees else "differs"
+    why = row.known_difference or "no explanation known"
+    shown, start, end = (like_printed(x, row.printed) for x in (ours, low, high))
+    words = f"at least {start}" if math.isinf(high) else f"{start} to {end}"
+    resolution = _resolution(row.Index, low, ours, high)
+    if row.expected in NOT_TESTED or not math.isfinite(low):  # whatever an outcome says
+        grade = agreement = "not tested"
+        words = resolution = ""
+        if row.expected not in NOT_TESTED:
+            reason = "too few realisations for an interval"
+    elif not agrees:
+        reason = f"{why}; {reason}"
+    elif any(others):
+        grade = "agrees weakly"
+    elif row.source == CONSISTENT:
+        grade = "consistent"
+    return {
+        "name": f"{row.element}, {place}{column}",
+        "reproduced": ours,
+        "low": low,
+        "high": high,
+        "ours": shown,
+        "interval": words,
+        "resolution": resolution,
+        "agreement": agreement,
+        "grade": grade,  # how much an agreement says
+        "why": why,
+        "reason": reason,
+    }
 
 
 def judge_numbers(ours: pd.DataFrame) -> pd.DataFrame:
     """Compare ours, `source, numbers` by id, with printed numbers: those of the table of cells, with their verdicts."""
     cells = read_table("cells").rename(columns={"source": "expected", "value": "published"})
     table = ours.join(cells.astype({"published": float}))
-    table["reproduced"] = [float(np.median(_pool(each))) for each in table["numbers"]]
-    table[["low", "high"]] = [_interval(row) for row in table.itertuples()]
-
-    def holds(factor: float) -> pd.Series:
-        return (factor * table["published"]).between(table["low"], table["high"])
-
-    is_tested = np.isfinite(table["reproduced"]) & np.isfinite(table["low"])
-    is_tested &= ~table["expected"].isin(NOT_TESTED)  # whatever an outcome says
-    agreement = np.where(is_tested, np.where(holds(1), "agrees", "differs"), "not tested")
-    table["agreement"] = agreement
-    agrees = agreement == "agrees"
-    is_weak = agrees & (holds(2 / 3) | holds(4 / 3))
-    table["weak"] = np.where(is_weak, "yes", "")
-    grade = table["agreement"].mask(agrees & (table["source"] == CONSISTENT), "consistent")
-    table["grade"] = grade.mask(is_weak, "agrees weakly")  # how much an agreement says
-    table["name"] = name_cells(table)
-    table["why"] = table["known_difference"].replace("", "no explanation known")
-    table["reason"] = [_reason(row) for row in table.itertuples()]
-    table["resolution"] = [_resolution(row) for row in table.itertuples()]
-    return table
+    verdicts = [_judge_number(row) for row in table.itertuples()]
+    return table.assign(**pd.DataFrame(verdicts, table.index))
 
 
 def verdicts() -> pd.DataFrame:
@@ -140,7 +153,7 @@ def verdicts() -> pd.DataFrame:
     cells = read_table("cells")
     ours = collect("cells", ["source", "numbers"]).reindex(cells.index)
     table = judge_numbers(ours.fillna({"source": cells["source"], "notebook": ""}))
-    is_lacking = ~np.isfinite(table["reproduced"]) & (table["expected"] != "taken over")
+    is_lacking = table["reproduced"].isna() & (table["expected"] != "taken over")
     for cell in table.index[is_lacking]:
         raise UserError(f"{cell}: no notebook has computed it; make all runs them")
     return table
@@ -162,25 +175,29 @@ def decide(claim: str, measured: Any, criteria: Criteria = None) -> bool | None:
     limit = float((criteria or {}).get(claim, claims.at[claim, "criterion"]))
     if np.size(measured) != (2 if rule.startswith(("interval", "p ")) else 1):
         raise ValueError(f"{claim}: the rule {rule!r} does not take {measured}")
-    low, high = (
-        limit if math.isclose(x, limit, rel_tol=1e-9) else x
-        for x in np.ravel(measured)[[0, -1]].astype(float)
-    )
-    if math.isnan(low) or math.isnan(high):
+    ends = np.ravel(measured)[[0, -1]].astype(float)
+    if np.isnan(ends).any():
         return None
+    low, high = np.where(np.isclose(ends, limit, rtol=1e-9, atol=0), limit, ends)
     half_digit = 0.5 * 10.0 ** int(Decimal(str(limit)).as_tuple().exponent) * (1 + 1e-9)
-    holds, fails = {
-        "below": (low < limit, True),
-        "at most": (low <= limit, True),
-        "above": (low > limit, True),
-        "at least": (low >= limit, True),
-        "rounds to": (abs(low - limit) <= half_digit, True),
-        "rounds to, or a bound": (abs(low - limit) <= half_digit, low > limit),
-        "p below": (low < limit, high < limit),
-        "interval below": (high < limit, low > limit),
-        "interval above": (low > limit, high < limit),
-    }[rule]
-    return True if holds else False if fails else None
+    holds = {
+        "below": low < limit,
+        "at most": low <= limit,
+        "above": low > limit,
+        "at least": low >= limit,
+        "rounds to": abs(low - limit) <= half_digit,
+        "rounds to, or a bound": abs(low - limit) <= half_digit,
+        "p below": low < limit,
+        "interval below": high < limit,
+        "interval above": low > limit,
+    }
+    fails = {
+        "rounds to, or a bound": low > limit,
+        "p below": high < limit,
+        "interval below": low > limit,
+        "interval above": high < limit,
+    }
+    return True if holds[rule] else False if fails.get(rule, True) else None
 
 
 def decide_all(measured: Measured, criteria: Criteria = None) -> dict[str, tuple[bool | None, str]]:
@@ -192,89 +209,70 @@ def decide_all(measured: Measured, criteria: Criteria = None) -> dict[str, tuple
 
 
 def claims() -> pd.DataFrame:
-    """The table of claims with `verdict, measured, notebook`.
+    """The table of claims with `verdict, measured, notebook`; and `claim`, the paper's words and how we read them.
 
     Of a claim that no notebook can decide, the table says why: it is undecided. UserError where no notebook decides
     another one, or two do.
     """
     table = read_table("claims").join(collect("claims", ["holds", "measured"]))
-    table["verdict"] = [CLAIM_VERDICTS[None if pd.isna(each) else each] for each in table["holds"]]
+    table["verdict"] = table["holds"].map(CLAIM_VERDICTS).fillna(CLAIM_VERDICTS[None])
     table["measured"] = table["measured"].fillna(table["untested"])
     for claim in table.index[table["measured"] == ""]:
         raise UserError(f"{claim}: no notebook has decided it; make all runs them")
+    readings = (" (" + table["reading"] + ")").mask(table["reading"] == "", "")
+    table["claim"] = "“" + table["quote"] + "”" + readings
     return table.fillna({"notebook": ""})
 
 
 # ------------------------------------------------------------------------------------------------ beside a notebook
 
 
-def like_printed(value: float, printed: str, more: int = 0) -> str:
-    """Write our number with the digits of the printed one, or with more: as asked, or where that shows nothing."""
-    if math.isnan(value):
-        return ""
-    try:
-        digits = Decimal(printed.rstrip("%"))
-    except InvalidOperation:
-        return f"{value:.4g}"
-    if "e" in printed.lower():
-        return f"{value:.2e}"
-    text = f"{value:.{max(0, -int(digits.as_tuple().exponent)) + more}f}"
-    return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
+def _committed(table: str, ours: pd.Series) -> pd.Series:
+    """What is committed in a column of a table of the results, which is ours where this run makes it."""
+    if OUTPUT_FOLDER and not data_are_simulated():
+        return ours
+    return read_made(table).set_index("id")[ours.name].reindex(ours.index)
 
 
-def name_cells(cells: pd.DataFrame) -> list[str]:
-    """Names of printed numbers: "Table 2, row 1, mean"."""
-    rows = cells["row"].where(~cells["row"].str.isdigit(), "row " + cells["row"])
-    columns = (", " + cells["column"].str.replace("_", " ")).mask(cells["column"] == "value", "")
-    return [*(cells["element"] + ", " + rows + columns)]
+def compare(
+    cells: Cells | None = None, claims: Measured | None = None, criteria: Criteria = None
+) -> Iterator[pd.DataFrame]:
+    """Our numbers beside the printed ones, and what we measured of sentences, as `workbook.verdict` takes them.
+
+    Yields
+    ------
+    DataFrame
+        A row a number, by id, as text: its name; the printed number; ours, of realisations their median; the interval
+        that a printed number must lie in to agree; what is committed, which is ours where this run makes it; and the
+        verdict. Then a row a sentence: what was measured, what is committed where that is another, and the verdict.
+    """
+    if cells:
+        table = judge_numbers(pd.DataFrame(cell_rows(cells)).set_index("id"))
+        table["committed"] = _committed("verdicts", table["reproduced"])
+        table["ours"] = table["reproduced"]
+        for column in ("ours", "low", "high", "committed"):
+            pairs = zip(table[column], table["printed"], strict=True)
+            table[column] = [like_printed(x, printed, 1) for x, printed in pairs]
+        table = table.rename(columns={"name": "number", "agreement": "verdict"})
+        yield table[["number", "printed", "ours", "low", "high", "committed", "verdict"]]
+    if claims:
+        rows = [
+            (claim, claim.replace("_", " "), words, CLAIM_VERDICTS[holds])
+            for claim, (holds, words) in decide_all(claims, criteria).items()
+        ]
+        columns = ["id", "the paper's sentence", "measured", "verdict"]
+        table = pd.DataFrame(rows, columns=columns).set_index("id")
+        committed = _committed("claims", table["measured"]).fillna("")
+        if (committed != table["measured"]).any():
+            table.insert(2, "committed", committed)
+        yield table
 
 
 def judge(
     cells: Cells | None = None, claims: Measured | None = None, criteria: Criteria = None
 ) -> pd.DataFrame:
-    """Compare our numbers, and what we measured of claims, with the paper, as `workbook.verdict` takes them.
-
-    Returns
-    -------
-    DataFrame
-        A row a number or claim, by id, as text: its name; the printed number; ours, of realisations their median, or
-        what was measured; the interval that a printed number must lie in to agree; what is committed, which is ours
-        where this run makes it; and the verdict.
-    """
-    rows = [
-        (claim, claim.replace("_", " "), words, CLAIM_VERDICTS[holds])
-        for claim, (holds, words) in decide_all(claims or {}, criteria).items()
-    ]
-    sentences = pd.DataFrame(rows, columns=["id", "name", "ours", "verdict"]).set_index("id")
-    numbers = sentences[:0]
-    if cells:
-        numbers = judge_numbers(pd.DataFrame(cell_rows(cells)).set_index("id"))
-        numbers = numbers.rename(columns={"reproduced": "ours", "agreement": "verdict"})
-    table = pd.concat([numbers.astype(object), sentences])
-    table["committed"] = table["ours"]
-    if data_are_simulated() or not OUTPUT_FOLDER:
-        kept = read_made("verdicts").set_index("id")["reproduced"]
-        claimed = read_made("claims").set_index("id")["measured"]
-        table["committed"] = table.index.map(pd.concat([kept.astype(object), claimed]))
-    shown = ["name", "printed", "ours", "low", "high", "committed", "verdict"]
-    table = table.reindex(columns=shown).astype(object).fillna("")
-    for column in ("ours", "low", "high", "committed"):
-        table[column] = [
-            x if isinstance(x, str) else like_printed(x, printed, 1)
-            for x, printed in zip(table[column], table["printed"], strict=True)
-        ]
-    return table
-
-
-def split_table(table: pd.DataFrame) -> list[pd.DataFrame]:
-    """The rows of `judge` as a reader sees them: numbers, and then sentences."""
-    of_numbers = table["printed"] != ""
-    numbers = table[of_numbers].set_index("name").rename_axis("number")
-    sentences = table[~of_numbers].set_index("name").rename_axis("the paper's sentence")
-    sentences = sentences.rename(columns={"ours": "measured"})
-    is_committed = (sentences["committed"] == sentences["measured"]).all()
-    shown = ["measured", "verdict"] if is_committed else ["measured", "committed", "verdict"]
-    return [each for each in (numbers, sentences[shown]) if len(each)]
+    """The tables of `compare` in one: a row a number or claim, by id, with its verdict."""
+    return pd.concat(compare(cells, claims, criteria))
 
 
 def verdict(
@@ -285,7 +283,7 @@ def verdict(
     tables: Mapping[str, pd.DataFrame] | None = None,
     criteria: Criteria = None,
 ) -> None:
-    """Show how this run's numbers compare, as `judge` does, and a sentence on them; export them for the report.
+    """Show how this run's numbers compare, as `compare` does, and a sentence on them; export them for the report.
 
     Parameters
     ----------
@@ -304,8 +302,7 @@ def verdict(
     """
     from IPython.display import Markdown, display
 
-    if cells or claims:
-        for table in split_table(judge(cells, claims, criteria)):
-            display(table)
+    for table in compare(cells, claims, criteria):
+        display(table.set_index(table.columns[0]))
     display(Markdown(text))
     save_outcome(cells or {}, decide_all(claims or {}, criteria), facts or {}, tables or {})

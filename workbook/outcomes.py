@@ -24,6 +24,7 @@ from replication.files import (
     write_json,
 )
 from workbook.project import RESULTS, ROOT, SETTINGS, SIMULATED, notebook_sources
+from workbook.stamps import record_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -104,19 +105,18 @@ def show_figure(name: str, figure: "Figure", caption: str) -> None:
 # ------------------------------------------------------------------------------------------------------------- export
 
 
-def source_of(cell: str) -> str:
-    """Where our number comes from: as the table says, or simulated data where these take the place of others."""
-    source = read_table("cells").at[cell, "source"]
-    is_other = data_are_simulated() and source in SIMULATED["in_place_of"]
-    return SIMULATED["source"] if is_other else source
-
-
 def cell_rows(cells: Cells) -> list[dict[str, Any]]:
-    """Our numbers by cell id as rows `id, source, numbers`, with the six digits that results have."""
+    """Our numbers by cell id as rows `id, source, numbers`, with the six digits that results have.
+
+    The source is the table's, or simulated data where these take the place of others.
+    """
+    sources = read_table("cells")["source"]
+    if data_are_simulated():
+        sources = sources.replace(SIMULATED["in_place_of"], SIMULATED["source"])
     return [
         {
             "id": cell,
-            "source": source_of(cell),
+            "source": sources[cell],
             "numbers": as_fact(numbers if isinstance(numbers, Mapping) else float(numbers)),
         }
         for cell, numbers in cells.items()
@@ -158,5 +158,5 @@ def save_outcome(
 
 def load_outcomes() -> dict[str, dict[str, Any]]:
     """Load the outcome of each notebook that is there, by its name."""
-    files = {name: RESULTS / "outcomes" / f"{name}.json" for name in notebook_sources()}
-    return {name: read_committed(file, json.loads) for name, file in files.items() if file.exists()}
+    files = map(record_file, notebook_sources())
+    return {file.stem: read_committed(file, json.loads) for file in files if file.exists()}

@@ -38,8 +38,17 @@ def save(figure: "Figure", folder: Path, name: str, mark: str = "") -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     if mark:
-        look: dict[str, Any] = {"fontsize": 40, "color": "0.6", "alpha": 0.4, "rotation": 20}
-        figure.text(0.5, 0.5, mark, ha="center", va="center", **look)
+        figure.text(
+            0.5,
+            0.5,
+            mark,
+            ha="center",
+            va="center",
+            fontsize=40,
+            color="0.6",
+            alpha=0.4,
+            rotation=20,
+        )
     with rc_context(find_style()):
         about = {"Date": None, "Description": describe_axes(figure)}
         figure.savefig(folder / f"{name}.svg", metadata=about)
@@ -53,11 +62,9 @@ def find_style() -> Any:
 
 def describe_axes(figure: "Figure") -> str:
     """Say what a figure's axes are, a panel each: the SVG's description, and what reads it aloud says."""
-    panels = []
-    for axis in figure.axes:
-        labels = (axis.get_ylabel(), axis.get_xlabel())
-        panels.append(" versus ".join(each.replace("\n", " ") for each in labels if each))
-    return "; ".join(dict.fromkeys(panel for panel in panels if panel))
+    labels = [(axis.get_ylabel(), axis.get_xlabel()) for axis in figure.axes]
+    panels = [" versus ".join(filter(None, pair)) for pair in labels]
+    return "; ".join(dict.fromkeys(filter(None, panels))).replace("\n", " ")
 
 
 COLOURS = 64  # of an animation
@@ -78,24 +85,22 @@ def flipbook(
 
     from workbook.outcomes import OUTPUT_FOLDER
 
-    pictures = []
-    contents = []
+    def picture(k: int, **how: Any) -> bytes:
+        figure.clear()
+        draw(figure, k)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, **how)
+        return buffer.getvalue()
+
     # Axes stand where `draw` puts them: a layout engine would find none of its own, and warn.
     with rc_context(find_style() | {"figure.constrained_layout.use": False}):
         figure = plt.figure(figsize=(7, 3.6), dpi=80)
-        for k in range(count):
-            figure.clear()
-            draw(figure, k)
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format="webp", pil_kwargs={"lossless": True, "method": 2})
-            contents.append(buffer)
-            data = base64.b64encode(buffer.getvalue()).decode("ascii")
-            pictures.append(f"data:image/webp;base64,{data}")
-        figure.clear()
-        draw(figure, first)
-        png = io.BytesIO()
-        figure.savefig(png, format="png")
+        lossless = {"lossless": True, "method": 2}
+        contents = [picture(k, format="webp", pil_kwargs=lossless) for k in range(count)]
+        png = picture(first, format="png")
         plt.close(figure)
+    texts = [base64.b64encode(content).decode("ascii") for content in contents]
+    pictures = [f"data:image/webp;base64,{text}" for text in texts]
     if name and OUTPUT_FOLDER:
         write_animation(contents, Path(OUTPUT_FOLDER) / "figures" / f"{name}.gif")
     player = PLAYER.substitute(
@@ -105,20 +110,17 @@ def flipbook(
         first=first,
         last=count - 1,
     )
-    shown = {"text/html": player, "image/png": png.getvalue(), "text/plain": words}
+    shown = {"text/html": player, "image/png": png, "text/plain": words}
     display(shown, raw=True)
 
 
-def write_animation(pictures: list[io.BytesIO], file: Path) -> None:
+def write_animation(pictures: list[bytes], file: Path) -> None:
     """Write pictures as a GIF that plays without end, all in one set of colours."""
+    import numpy as np
     from PIL import Image
 
-    images = [Image.open(picture).convert("RGB") for picture in pictures]
-    width, height = images[0].size
-    together = Image.new("RGB", (width, height * len(images)))
-    for k, image in enumerate(images):
-        together.paste(image, (0, k * height))
-    palette = together.quantize(COLOURS)
+    images = [Image.open(io.BytesIO(picture)).convert("RGB") for picture in pictures]
+    palette = Image.fromarray(np.vstack([np.asarray(image) for image in images])).quantize(COLOURS)
     first, *others = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     file.parent.mkdir(parents=True, exist_ok=True)
     first.save(file, save_all=True, append_images=others, duration=PICTURE_MS, loop=0)

@@ -5,8 +5,8 @@ By the standard library alone: `make all` asks, each time, what is due.
 
 import re
 import tomllib
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 from replication.files import UserError
@@ -40,10 +40,7 @@ SIMULATED = SETTINGS.get("simulated", {})  # what takes the place of data that c
 
 def find_hook(name: str, default: Any = None) -> Any:
     """Find what the settings name as "module:function", code of the project; a default where they name nothing."""
-    if name not in SETTINGS:
-        return default
-    module, _, attribute = SETTINGS[name].partition(":")
-    return getattr(import_module(module), attribute)
+    return resolve_name(SETTINGS[name]) if name in SETTINGS else default
 
 
 def notebook_sources() -> dict[str, Path]:

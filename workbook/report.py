@@ -3,19 +3,17 @@
 import html
 import re
 import sys
-from collections import ChainMap
+from collections import ChainMap, Counter
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 import pandas as pd
 
 from replication.files import UserError, as_csv, as_json, read_committed
 from workbook import judging
-from workbook.judging import like_printed
 from workbook.outcomes import load_outcomes, read_kept, read_table
 from workbook.project import RESULTS, ROOT, SETTINGS, find_hook
 
@@ -37,8 +35,10 @@ OF_CELLS = [
     "agreement",
     "weak",
     "source",
+    "resolution",
+    "reason",
+    "notebook",
 ]
-OF_CELLS += ["resolution", "reason", "notebook"]
 OF_CLAIMS = ["id", "of", "quote", "reading", "section", "verdict", "measured", "notebook"]
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = re.compile(r"\b(alpha|delta|lambda|mu|omega|pi|sigma|tau)(?=\b|_)")
@@ -65,19 +65,6 @@ def span(numbers: Sequence[float], form: str) -> str:
 # ------------------------------------------------------------------------------------------------ what the text has
 
 
-def describe_cells(verdicts: pd.DataFrame) -> pd.DataFrame:
-    """Printed numbers with their verdicts as a reader reads them: `ours`, `interval` and what is `shown`."""
-    table = verdicts.assign(shown=verdicts["grade"].replace("consistent", "agrees"))
-    for column, number in {"ours": "reproduced", "from": "low", "to": "high"}.items():
-        table[column] = [*map(like_printed, table[number], table["printed"])]
-    interval = (table["from"] + " to " + table["to"]).mask(
-        np.isinf(table["high"]), "at least " + table["from"]
-    )
-    is_shown = (table["agreement"] != "not tested") & table["reproduced"].notna()
-    table["interval"] = interval.where(is_shown, "")
-    return table
-
-
 def count_by(cells: pd.DataFrame, key: str) -> pd.DataFrame:
     """Count printed numbers by agreement, and by "element" or "source", in their order, with a row for "all"."""
     counts = pd.crosstab(cells[key], cells["shown"], margins=True, margins_name="all")
@@ -90,14 +77,8 @@ def measured_seconds(cells: pd.DataFrame) -> dict[str, int]:
     if not (RESULTS / "notebook_times.csv").exists():
         return {}
     seconds = read_kept("notebook_times").set_index("notebook")["seconds"]
-    makers = cells[cells["notebook"] != ""].groupby("element")["notebook"].unique()
+    makers = cells.groupby("element")["notebook"].unique()
     return {element: int(seconds.reindex(names).sum()) for element, names in makers.items()}
-
-
-def describe_claims(claims: pd.DataFrame) -> pd.DataFrame:
-    """Claims as a reader reads them: the paper's words, and what we take them to say."""
-    readings = claims["reading"].where(claims["reading"] == "", " (" + claims["reading"] + ")")
-    return claims.assign(claim="“" + claims["quote"] + "”" + readings)
 
 
 def describe_deviations(claims: pd.DataFrame) -> dict[str, Any]:
@@ -123,9 +104,9 @@ def _chain(changes: pd.DataFrame) -> str:
 
 def describe(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Any]:
     """Everything that a template may name: verdicts, claims, the paper's tables, and the notebooks' facts, `f`."""
-    cells = describe_cells(verdicts)
-    grades = cells["grade"].value_counts().reindex(judging.GRADES, fill_value=0)
-    return {
+    cells = verdicts.assign(shown=verdicts["grade"].replace("consistent", "agrees"))
+    counts = Counter(cells["grade"])
+    described = {
         "f": dict(ChainMap(*(each["facts"] for each in load_outcomes().values()))),
         "cells": cells.to_dict("records"),
         "differing": cells[cells["agreement"] == "differs"].groupby("why", sort=False),
@@ -133,14 +114,17 @@ def describe(verdicts: pd.DataFrame, claims: pd.DataFrame) -> dict[str, Any]:
         "by_element": count_by(cells, "element"),
         "by_source": count_by(cells, "source"),
         "seconds": measured_seconds(cells),
-        "claims": describe_claims(claims),
-        "strong": grades["agrees"],
-        "weak": grades["agrees weakly"],
-        "consistent": grades["consistent"],
+        "claims": claims,
+        "strong": counts["agrees"],
+        "weak": counts["agrees weakly"],
+        "consistent": counts["consistent"],
         "verdicts": VERDICTS,
-        **({"errata": read_table("errata")} if "errata" in SETTINGS else {}),
-        **(describe_deviations(claims) if "deviations" in SETTINGS else {}),
     }
+    if "errata" in SETTINGS:
+        described["errata"] = read_table("errata")
+    if "deviations" in SETTINGS:
+        described |= describe_deviations(claims)
+    return described
 
 
 # ---------------------------------------------------------------------------------------------------------- writing
@@ -155,12 +139,14 @@ def load_template() -> jinja2.Template:
         finalize=_refuse_absent,
     )
     pages.filters.update(typeset=typeset, span=span)
-    template = read_committed(TEMPLATE, pages.from_string)
-    if "status" not in template.blocks:
-        raise UserError(
-            f"{TEMPLATE}: the README's block, status, is gone; git checkout brings it back"
-        )
-    return template
+
+    def parse(text: str) -> jinja2.Template:
+        template = pages.from_string(text)
+        if "status" not in template.blocks:
+            raise ValueError("the README's block, status, is gone")
+        return template
+
+    return read_committed(TEMPLATE, parse)
 
 
 def _refuse_absent(value: object) -> object:
@@ -174,18 +160,18 @@ def render(described: dict[str, Any]) -> tuple[str, str]:
     """Fill in the template: the report, and its first section as the README has it; UserError where a number lacks."""
     template = load_template()
     try:
-        context = template.new_context(described | {"up": ""})
-        "".join(template.root_render_func(context))  # which gives the block what stands before it
+        context = template.new_context(described)
+        page = "".join(template.root_render_func(context))
         status = "".join(template.blocks["status"](context))
-        return template.render(described, up="../"), status.strip()
     except jinja2.UndefinedError as error:
         raise UserError(f"the report lacks a number: {error}; run make all") from error
+    return page, status.strip().replace("](../", "](")  # for a README lies one folder higher
 
 
 def provenance() -> dict[str, Any]:
     """Versions of Python and of the packages that compute; SHA-256 of the public data by name."""
     versions = {package: version(package) for package in SETTINGS.get("versions", ())}
-    python = ".".join(map(str, sys.version_info[:2]))
+    python = "{}.{}".format(*sys.version_info)
     return {
         "versions": {"python": python} | versions,
         "authors_files": find_hook("checksums", dict)(),
@@ -208,20 +194,16 @@ def make_report() -> dict[Path, bytes]:
         Something is missing that the report is made from.
     """
     verdicts, claims = judging.verdicts(), judging.claims()
-    try:
-        described = describe(verdicts, claims)
-    except (ValueError, LookupError) as error:
-        why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
-        raise UserError(f"{RESULTS}: the report cannot be made from it ({why})") from error
-    page, status = render(described)
+    page, status = render(describe(verdicts, claims))
     text, count = STATUS.subn(lambda _: f"{status}\n", read_committed(README, str))
     if count != 1:
         raise UserError(
             f"{README}: not one pair of marks of the status; git checkout brings it back"
         )
+    weak = (verdicts["grade"] == "agrees weakly").map({True: "yes", False: ""})
     return {
         RESULTS / "report.md": page.encode(),
-        RESULTS / "verdicts.csv": as_csv(verdicts.reset_index()[OF_CELLS]),
+        RESULTS / "verdicts.csv": as_csv(verdicts.assign(weak=weak).reset_index()[OF_CELLS]),
         RESULTS / "claims.csv": as_csv(claims.reset_index()[OF_CLAIMS]),
         RESULTS / "provenance.json": as_json(provenance()),
         README: text.encode(),
@@ -238,7 +220,7 @@ def refuse_stale(made: dict[Path, bytes]) -> None:
 
 def list_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> str:
     """Every printed number and every claim, as `make check` prints them, in groups: first what differs."""
-    cells = describe_cells(verdicts).rename(columns={"agreement": "verdict"})
+    cells = verdicts.rename(columns={"agreement": "verdict"})
     columns = ["id", "printed", "ours", "interval", "unit", "source", "reason"]
     groups = []
     for table, what, shown in (
@@ -253,10 +235,9 @@ def list_verdicts(verdicts: pd.DataFrame, claims: pd.DataFrame) -> str:
 
 
 def _align(table: pd.DataFrame) -> str:
-    """A table's texts in columns, the last one as long as it is."""
-    *first, last = (table[name].astype(str) for name in table)
-    columns = [[f"{text:{column.str.len().max()}}" for text in column] for column in first]
-    return "\n".join(map("  ".join, zip(*columns, last, strict=True)))
+    """A table's texts in columns."""
+    texts = table.astype(str).apply(lambda column: column.str.ljust(column.str.len().max()))
+    return "\n".join(texts.agg("  ".join, axis=1).str.rstrip())
 
 
 def find_surprises(verdicts: pd.DataFrame) -> list[str]:

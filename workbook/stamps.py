@@ -18,18 +18,26 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from replication.files import KEPT_SHA256, UserError, check_kept, read_committed, write_text
+from replication.files import (
+    KEPT_SHA256,
+    UserError,
+    as_json,
+    check_kept,
+    read_committed,
+    write_bytes,
+    write_text,
+)
 from workbook.project import RESULTS, ROOT, SETTINGS, notebook_sources
 
 RECORD = ("made_from", "read", "made")
 STAMP = ("seconds", "ended", "lacks", "record")
 SAID = "what is said"  # in a record, among the files: the rest of its own one
-# Of whatever stands where JSON should.
-UNREADABLE = (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
+NOTHING: dict[str, Any] = {"cells": [], "claims": [], "facts": {}}  # that is said
+MADE_BY_OTHER = "made by other code or tables than those that are there"
 # A module that can be imported, or a file that a program can name: no copy, backup or file of an editor.
 INPUT = re.compile(r"\w+\.(py|csv|json|txt)", re.ASCII)
 
@@ -55,17 +63,11 @@ def digest(content: Mapping[str, Any]) -> str:
 # ----------------------------------------------------------------------------------------------- what it was made from
 
 
-def list_code() -> Iterator[Path]:
-    """List the files of the packages that a notebook may import."""
-    for package in SETTINGS.get("packages", ()):
-        for file in (ROOT / package).rglob("*.*"):
-            if INPUT.fullmatch(file.name) and file.is_file():
-                yield file
-
-
 def digest_code(*sources: Path) -> dict[str, str]:
     """SHA-256, by name, of all that is known before a run: sources, packages, lock and settings."""
-    files = [*list_code(), ROOT / "requirements.lock", *sources]
+    folders = [ROOT / package for package in SETTINGS.get("packages", ())]
+    code = [file for each in folders for file in each.rglob("*.*") if INPUT.fullmatch(file.name)]
+    files = [*code, ROOT / "requirements.lock", *sources]
     digests = {file.relative_to(ROOT).as_posix(): sha256(file) for file in files}
     return digests | {"tool.workbook": digest(SETTINGS)}
 
@@ -83,9 +85,14 @@ def add_record(
     return {**said, **record, "made": {SAID: digest(said), **files}}
 
 
+def record_name(name: str) -> str:
+    """Name, from the project's folder, the file that says what a notebook was made from."""
+    return f"results/outcomes/{name}.json"
+
+
 def record_file(name: str) -> Path:
-    """Name the file that says what a notebook was made from."""
-    return RESULTS / "outcomes" / f"{name}.json"
+    """Find the file that says what a notebook was made from."""
+    return ROOT / record_name(name)
 
 
 def stamp_file(name: str) -> Path:
@@ -98,7 +105,7 @@ def _read_json(file: Path, names: tuple[str, ...]) -> dict[str, Any]:
     try:
         held = json.loads(file.read_text("utf-8"))
         return {name: held.pop(name) for name in names} | {SAID: digest(held)}
-    except UNREADABLE:
+    except Exception:  # of whatever stands where JSON should
         return {}
 
 
@@ -109,8 +116,7 @@ def read_record(name: str) -> dict[str, Any]:
 
 def list_made(name: str) -> set[str]:
     """List what a notebook has made, by names from the project's folder, with its record."""
-    record = record_file(name).relative_to(ROOT).as_posix()
-    return {record, *read_record(name)["made"]} - {SAID}
+    return {record_name(name), *read_record(name)["made"]} - {SAID}
 
 
 def list_kept() -> list[str]:
@@ -124,17 +130,13 @@ def find_fault(name: str) -> str:
     """Say what is not as the record of a notebook says; "" where all is."""
     record = read_record(name)
     if not record:
-        file = record_file(name).relative_to(ROOT)
-        return f"{file} is missing, or says not what it was made from"
+        return f"{record_name(name)} is missing, or says not what it was made from"
     for file, expected in record["made"].items():
         if (record[SAID] if file == SAID else sha256(ROOT / file)) != expected:
             return f"{file} is missing, or not as it was made"
     read = {file: sha256(ROOT / file) for file in record["read"]}
     inputs = digest_code(notebook_sources()[name]) | read
     return "" if record["made_from"] == digest(inputs) else MADE_BY_OTHER
-
-
-MADE_BY_OTHER = "made by other code or tables than those that are there"
 
 
 def refuse_faults() -> None:
@@ -144,33 +146,27 @@ def refuse_faults() -> None:
     hands the report nothing may be one that cannot run here: it may be older than the code.
     """
     sources = notebook_sources()
-    for file in sorted((RESULTS / "outcomes").glob("*.json")):
-        if file.stem not in sources:
-            raise UserError(
-                f"{file.relative_to(ROOT)}: no notebook makes it; git checkout brings the notebook "
-                "back, or delete it"
-            )
+    outcomes = {file.stem for file in (RESULTS / "outcomes").glob("*.json")}
+    for name in outcomes - sources.keys():
+        raise UserError(
+            f"{record_name(name)}: no notebook makes it; git checkout brings the notebook "
+            "back, or delete it"
+        )
     for table in list_kept():
         check_kept(ROOT / table)
     for name in sources:
         fault = find_fault(name)
-        if fault and (fault != MADE_BY_OTHER or _speaks(record_file(name))):
+        if fault and not (fault == MADE_BY_OTHER and read_record(name)[SAID] == digest(NOTHING)):
             raise UserError(f"{name}: {fault}; make all makes it")
-
-
-def _speaks(outcome: Path) -> bool:
-    """Whether a notebook hands the report anything."""
-    said = json.loads(outcome.read_text("utf-8"))
-    return any(said.get(each) for each in ("cells", "claims", "facts"))
 
 
 # -------------------------------------------------------------------------------------------------- what was made here
 
 
-def new_stamp(record: Path, seconds: float = 0.0, lacks: str = "") -> bytes:
-    """Describe a run that has left a record, as a stamp holds it; or what it lacked."""
+def write_stamp(name: str, seconds: float = 0.0, lacks: str = "") -> None:
+    """Write how long a notebook ran that has left a record; or what it lacked."""
     stamp = {"seconds": round(seconds), "ended": round(time.time()), "lacks": lacks}
-    return json.dumps(stamp | {"record": "" if lacks else sha256(record)}).encode()
+    write_bytes(stamp_file(name), as_json(stamp | {"record": sha256(record_file(name))}))
 
 
 def read_stamp(name: str) -> dict[str, Any]:
@@ -180,27 +176,23 @@ def read_stamp(name: str) -> dict[str, Any]:
 
 def find_why_due(name: str) -> str:
     """Say why a notebook has not been made here as it would be now; "" where it has."""
-    stamp, record = read_stamp(name), record_file(name)
+    stamp = read_stamp(name)
     if not stamp:
         return "not run here"
     if stamp["lacks"]:
         return f"not run: {stamp['lacks']}"
-    if sha256(record) != stamp["record"]:
-        return f"{record.relative_to(ROOT)} is not as it was made here"
-    fault = find_fault(name)
-    return "not run here with this code" if fault == MADE_BY_OTHER else fault
+    if sha256(record_file(name)) != stamp["record"]:
+        return f"{record_name(name)} is not as it was made here"
+    return find_fault(name)
 
 
 def find_due() -> list[Path]:
     """Find the sources of notebooks that are due, the longest first, as a table of times has them."""
-    try:
-        with (RESULTS / "notebook_times.csv").open(encoding="utf-8") as file:
-            seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(file)}
-    except (OSError, ValueError, KeyError, TypeError):
-        seconds = {}
-    sources = notebook_sources()
-    due = [name for name in sources if find_why_due(name)]
-    return [sources[name] for name in sorted(due, key=lambda name: -seconds.get(name, 0))]
+    times = RESULTS / "notebook_times.csv"
+    lines = read_committed(times, str.splitlines) if times.exists() else []
+    seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(lines)}
+    due = [source for name, source in notebook_sources().items() if find_why_due(name)]
+    return sorted(due, key=lambda source: -seconds.get(source.stem, 0))
 
 
 def drop_stale_caches() -> None:

@@ -44,15 +44,14 @@ def _cell_minutes(cell: Any) -> float:
         return 0.0
     tree = ast.parse(cell.source)
     constants = [each.value for each in ast.walk(tree) if isinstance(each, ast.Constant)]
-    texts = [each for each in constants if isinstance(each, str) and each.count(" ") > 2]
+    texts = [each.split() for each in constants if isinstance(each, str) and each.count(" ") > 2]
     lines = [] if tags & FOLDED else [line for line in cell.source.splitlines() if line.strip()]
     # A value at the end is a table, but for a call that shows something itself.
     last = tree.body[-1]
     is_call = ast.unparse(last).startswith(("workbook.", "print("))
     shows_table = isinstance(last, ast.Expr) and not is_call
     shown = len(FIGURES.findall(cell.source)) + shows_table
-    words = " ".join(texts).split()
-    minutes = len(words) / WORDS_PER_MINUTE + len(lines) / LINES_PER_MINUTE
+    minutes = sum(map(len, texts)) / WORDS_PER_MINUTE + len(lines) / LINES_PER_MINUTE
     return minutes + SHOWN_MINUTES * shown
 
 

@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-from replication.files import as_json, write_bytes, write_files, write_text
+from replication.files import as_json, write_files, write_text
 from workbook import ROOT, certificate, execution, outcomes, stamps
 from workbook import project as project_module
 
@@ -65,7 +65,7 @@ def leave_run():
         record = stamps.record_file(name)
         contents = {root / each: content for each, content in made.items()}
         write_files(contents | {record: as_json(stamps.add_record(said, code, read, made))})
-        write_bytes(stamps.stamp_file(name), stamps.new_stamp(record, 12.3))
+        stamps.write_stamp(name, 12.3)
 
     return leave
 

@@ -74,7 +74,7 @@ def test_where_all_ran_to_the_same_bytes_there_is_no_difference(clone):
     assert len(about["summary"]["commit"]) == 40
     assert "| notebooks run here with this code | 2 of 2, 24 s in sum, 1" in page
     assert "| made here and the same | 7 of 7 files" in page
-    assert "| printed numbers, by committed outcomes | none |" in page
+    assert "| printed numbers, by committed outcomes | 0 agrees, 0" in page
     assert "- no difference\n" in page
 
 
@@ -84,7 +84,7 @@ def test_after_a_code_change_that_is_committed_nothing_ran_with_this_code(clone)
     git(clone, "commit", "-q", "-m", "fewer")
     about, differences, page = certified()
     assert differences[0].startswith("no number is judged: 01_one: made by other code")
-    assert differences[1:] == [f"{name}: not run here with this code" for name in NAMES]
+    assert differences[1:] == [f"{name}: {stamps.MADE_BY_OTHER}" for name in NAMES]
     assert "| notebooks run here with this code | 0 of 2," in page
     assert about["numbers"] == {}
 
@@ -104,12 +104,12 @@ def test_a_byte_that_changes_is_named(clone, name):
         file.write(" ")
     about, differences, _ = certified()
     assert about["summary"]["changed since"] == name
-    assert any(line.startswith(f"{name}: ") for line in differences)
+    is_result = not name.startswith("tools")
+    assert f"{name}: {'not as committed' if is_result else 'changed since'}" in differences
 
 
 def test_a_notebook_that_lacks_its_data_is_said_and_is_no_difference(clone):
-    lacks = stamps.new_stamp(clone, lacks="needs logs")
-    stamps.stamp_file(NAMES[1]).write_bytes(lacks)
+    stamps.write_stamp(NAMES[1], lacks="needs logs")
     _, differences, page = certified()
     assert differences == []
     assert "- 02_two: not run: needs logs\n" in page
@@ -120,15 +120,18 @@ def test_a_notebook_that_lacks_its_data_is_said_and_is_no_difference(clone):
     [
         (
             "import sys\nprint('1,a' if sys.argv[1] == 'table' else '')\n",
-            "- results/table.csv: a row: same",
+            "a row made again is the same",
         ),
-        ("print('x,y')\nprint('1,b')\n", "- results/table.csv: a row made again is another"),
-        ("raise SystemExit('no logs')", "- results/table.csv: a row: not made again: no logs"),
+        ("print('x,y')\nprint('1,b')\n", "a row made again is another"),
+        ("raise SystemExit('no logs')", "a row is not made again: no logs"),
     ],
 )
 def test_a_row_of_a_kept_table_is_made_again_where_that_is_asked_for(clone, code, says):
     (clone / "tools" / "kept.py").write_text(code)
-    assert f"{says}\n" in certified(full=True)[2]
+    about, differences, page = certified(full=True)
+    assert f"- results/table.csv: {says}\n" in page
+    assert about["kept"] == {"results/table.csv": says}
+    assert (f"results/table.csv: {says}" in differences) == says.endswith("another")
 
 
 def test_runs_at_the_same_time_are_not_counted_twice_in_the_wall_time():

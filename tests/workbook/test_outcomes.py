@@ -6,7 +6,6 @@ import pandas as pd
 import pytest
 
 import workbook
-from replication.files import UserError
 from workbook import ROOT, outcomes, stamps
 from workbook.project import RESULTS, notebook_sources
 
@@ -46,8 +45,3 @@ def test_the_committed_files_are_those_that_the_notebooks_made_and_no_two_make_t
     there = [*ROOT.glob("figures/*"), *ROOT.glob("notebooks/*.ipynb")]
     there += ROOT.glob("notebooks/beyond/*.ipynb")
     assert {file.relative_to(ROOT).as_posix() for file in there} <= {*made}
-
-
-def test_a_kept_table_that_is_missing_is_named():
-    with pytest.raises(UserError, match=r"nothing\.csv: damaged or missing .* git checkout"):
-        outcomes.read_kept("nothing")

@@ -93,7 +93,7 @@ def test_a_record_or_a_stamp_that_says_nothing_is_none(made, text):
 
 
 def test_a_notebook_that_says_nothing_of_the_paper_may_be_older_than_the_code(made, leave_run):
-    leave_run(NAME, {"cells": []}, MADE)
+    leave_run(NAME, stamps.NOTHING, MADE)
     (made / "tools" / "rules.py").write_text("other")
     assert stamps.find_due()
     stamps.refuse_faults()
