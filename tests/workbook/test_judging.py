@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from replication import published
+from replication import published, table2
 from replication.files import UserError
 from workbook import judging
 from workbook.outcomes import cell_rows, load_outcomes
+from workbook.project import RESULTS
 
 CELLS = published.cells()
 EXPORTED = judging.collect("cells", ["numbers"])["numbers"]
@@ -94,6 +95,21 @@ def test_agreement_is_weak_where_a_third_more_or_less_would_agree_too():
         row = judged(cell, {"a": forty(printed, spread)})
         assert (row["agreement"], row["grade"]) == ("agrees", grade)
     assert judged(cell, {"a": forty(3 * printed, 0.2)})["grade"] == "differs"
+
+
+def test_an_outside_recount_of_table_2_moves_no_cell():
+    """Plain pandas: of the sorted numbers of all settings with the whole record the k-th from either end."""
+    study = pd.read_csv(RESULTS / "table2_realisations.csv")
+    table = judging.verdicts()
+    study = study[study["protocol"].isin([settings.name for settings in table2.SETTINGS])]
+    for row, part in study.groupby("row"):
+        for of in ("mean", "sd"):
+            ranked = part[f"{of}_A_rps"].sort_values().to_numpy()
+            k = (ranked.size + 1) // 40  # 2.5 % at either end
+            kept = table.loc[f"table2.row{row:02d}.{of}"]
+            low, high = ranked[k - 1], ranked[-k]
+            assert kept[["low", "high"]].tolist() == pytest.approx([low, high], rel=1e-5)
+            assert (kept["agreement"] == "agrees") == (low <= kept["published"] <= high)
 
 
 def test_what_is_not_tested_is_a_stand_in_or_taken_over_and_says_so_whatever_its_number():
