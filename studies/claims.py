@@ -482,7 +482,7 @@ def measure_no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float) -> Num
 
 
 def measure_turns(errors: DataFrame) -> Numbers:
-    """The RMS error of the longest records over that of the shortest, from `experiments.noise_errors_by_turns`."""
+    """The RMS error of the longest records over that of the shortest, from `experiments.measure_error`."""
     squares = (errors["error_rps"] ** 2).groupby([errors["delta_rad"], errors["turns"]])
     rms = np.sqrt(squares.mean()).unstack()
     few, many = rms.columns.min(), rms.columns.max()

@@ -20,19 +20,21 @@ ALPHAS = (1e6, 1e5, 1e4, 1e3)
 DAMPING_RATIO = 0.05  # of the joint whose torque steps
 
 
-def refit_alphas(softest: float = ALPHAS[-1]) -> pd.DataFrame:
+def refit_alphas(alpha: float) -> pd.DataFrame:
     """Identify the joint anew at each of `ALPHAS` down to one: misfit, that with the joint's own ratios, new ratios."""
     records = load_clean_records(FIT_LEVELS)
     last = identified_joint()
     rows = []
-    for alpha in ALPHAS[: ALPHAS.index(softest) + 1]:
+    for sharper in ALPHAS[: ALPHAS.index(alpha) + 1]:
         # With a soft edge the misfit has several minima: two starts, at first the same, the better fit counts.
-        starts = [*dict.fromkeys(each._replace(alpha=alpha) for each in (identified_joint(), last))]
+        starts = [
+            *dict.fromkeys(each._replace(alpha=sharper) for each in (identified_joint(), last))
+        ]
         fit = min((identify_joint(records, start) for start in starts), key=attrgetter("nrmse"))
         last = fit.joint
         errors = np.concatenate(errors_in_turn(starts[0], records, 3))
         misfits = {"nrmse": fit.nrmse, "nrmse_same_ratios": math.sqrt(np.mean(errors**2))}
-        rows.append({"alpha": alpha} | misfits | ratios(fit.joint))
+        rows.append({"alpha": sharper} | misfits | ratios(fit.joint))
     return pd.DataFrame(rows)
 
 

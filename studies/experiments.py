@@ -68,26 +68,31 @@ def impact_phases(joint: Joint, deltas_rad: Iterable[float]) -> DataFrame:
 NOISES = 160  # for each number of turns and backlash
 
 
-def noise_errors_by_turns(noises: Sequence[int]) -> DataFrame:
-    """Error that uniform noise makes in A, by the turns of model and record, at Table 2's first, fifth and last row.
+def planned_errors() -> list[tuple[float, int, int]]:
+    """Backlash [rad] of Table 2's first, fifth and last row, turns of model and record, number of the noise."""
+    deltas = printed_rows()["delta_rad"].iloc[[0, 4, 9]]
+    return [*product(deltas, (1, 12), range(1, NOISES + 1))]
 
-    The identified joint's record begins with the third turn; the error is against its own fit without noise. A row a
-    noise, whose number and what it is added to fix it.
+
+def measure_error(delta_rad: float, turns: int, noise: int) -> dict[str, float]:
+    """Error that a row's uniform noise makes in A, by the turns of model and record: a row of `noise_by_turns.csv`.
+
+    The identified joint's record begins with the third turn; the error is against its own fit without noise. The
+    noise's number and what it is added to fix it.
     """
-    rows = []
-    for (_, printed), turns in product(printed_rows().iloc[[0, 4, 9]].iterrows(), (1, 12)):
-        delta = printed["delta_rad"]
-        record = clean_record(identified_joint(), delta, 14)
-        turn = round(record.turn_period_s / record.sample_s)
-        length = turns * turn + 1
-        part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
-        streams = [np.random.default_rng((turns, round(1e7 * delta), k)) for k in noises]
-        parts = [part, *(add_noise(part, printed["noise"], rng) for rng in streams)]
-        settings = replace(NOTEBOOK, timing=Timing(n=turns))
-        fits = Parallel(n_jobs=-1)(delayed(best_fit)(each, settings) for each in parts)
-        quiet, *noisy = (fit.amplitude_rps for fit in fits)
-        rows += [(delta, turns, k, A - quiet) for k, A in zip(noises, noisy, strict=True)]
-    return DataFrame(rows, columns=["delta_rad", "turns", "noise", "error_rps"])
+    rows = printed_rows()
+    printed = rows.loc[(rows["delta_rad"] - delta_rad).abs().idxmin()]
+    record = clean_record(identified_joint(), printed["delta_rad"], 14)
+    turn = round(record.turn_period_s / record.sample_s)
+    length = turns * turn + 1
+    part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
+    rng = np.random.default_rng((turns, round(1e7 * delta_rad), noise))
+    settings = replace(NOTEBOOK, timing=Timing(n=turns))
+    quiet, noisy = (
+        best_fit(each, settings).amplitude_rps
+        for each in (part, add_noise(part, printed["noise"], rng))
+    )
+    return {"delta_rad": delta_rad, "turns": turns, "noise": noise, "error_rps": noisy - quiet}
 
 
 def friction_study(joint: Joint, shares: Sequence[float], delta_rad: float = 1e-3) -> DataFrame:

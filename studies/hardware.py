@@ -159,16 +159,11 @@ def fit_rigid_load(log: JointLog) -> dict[str, float]:
     }
 
 
-def measure_all() -> pd.DataFrame:
-    """What the sensor says of every log."""
-    return pd.DataFrame([measure_log(str(name)) for name in list_logs().index])
-
-
-def measure_log(name: str) -> dict[str, Any]:
-    """What the sensor says of a log, by its name: a row of `measure_all`."""
-    row = list_logs().loc[name]
+def measure_log(log: str) -> dict[str, Any]:
+    """What the sensor says of a log, by its name."""
+    row = list_logs().loc[log]
     told = answer(load_log(row), row)
-    return {"log": name, "verdict": told.verdict, "reason": told.reason}
+    return {"log": log, "verdict": told.verdict, "reason": told.reason}
 
 
 def lost_motion(logs: Sequence[JointLog]) -> pd.DataFrame:

@@ -7,14 +7,13 @@ best basin, have spent the budget, or know no more.
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from itertools import count, product
 from operator import attrgetter
 from typing import Any, TypeAlias
 
 import numpy as np
-from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy import optimize, stats
 
@@ -213,13 +212,8 @@ def planned_runs() -> list[Job]:
     return jobs
 
 
-def run_jobs(jobs: Sequence[Job]) -> DataFrame:
-    """Run methods on the authors' records, a row a run: what `results/optimizers.csv` holds."""
-    return DataFrame(Parallel(n_jobs=-1)(delayed(run_on_authors_record)(*job) for job in jobs))
-
-
 def run_on_authors_record(method: str, realisation: int, level: int, seed: int) -> dict:
-    """Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
+    """A row of `results/optimizers.csv`. Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
     recording = load_noisy(level, realisation)
     best = best_fit(recording).rmse
     kind, run = SEARCH_METHODS[method]

@@ -4,14 +4,12 @@
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 
 from replication import published
-from replication.files import ROOT, check_kept, write_kept
+from replication.files import ROOT, check_kept
 from replication.records import Recording, add_noise, constant_speed, load_clean, simulate_clean
 from replication.table2 import (
     DRAWN_STARTS,
@@ -91,28 +89,18 @@ def realise(protocol: str, row: int, realisation: int) -> dict[str, object]:
     }
 
 
-def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
+def read_realisations() -> pd.DataFrame:
     """The realisations that are kept: the rows of `realise`."""
-    check_kept(path)
-    return pd.read_csv(path)
+    check_kept(REALISATIONS)
+    return pd.read_csv(REALISATIONS)
 
 
-def plan_realisation(realisation: int) -> list[tuple[str, int, int]]:
-    """List the protocols and rows of one realisation, as `realise` takes them."""
+def planned_rows() -> list[tuple[str, int, int]]:
+    """List protocols, rows and realisations, as `realise` takes them."""
     return [
         (protocol, row, realisation)
+        for realisation in range(1, NUMBER + 1)
         for protocol, settings in PROTOCOLS.items()
         for row in (*ROWS, NOISE_ROW)
         if row in ROWS or (settings.start == WHOLE and realisation <= NOISE_ROWS)
     ]
-
-
-def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> pd.DataFrame:
-    """Make Table 2 again so many times under each setting, into a table that grows; it resumes if interrupted."""
-    rows = pd.read_csv(path).to_dict("records") if path.exists() else []
-    made = {row["realisation"] for row in rows}
-    for realisation in sorted({*range(1, number + 1)} - made):
-        plan = plan_realisation(realisation)
-        rows += Parallel(n_jobs=-1)(delayed(realise)(*each) for each in plan)
-        write_kept(path, pd.DataFrame(rows))
-    return pd.DataFrame(rows)

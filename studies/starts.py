@@ -17,31 +17,18 @@ A best minimum is that of `best_fit`, or of a run where that is lower. Restarts:
 searches, which spend what one of a fivefold population does. All searches on a row have the same noise and start.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain, product
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from pandas import DataFrame
 
 from replication import published
 from replication.best_fit import best_fit
 from replication.records import LOW_NOISE, Recording, load_noisy
-from replication.table2 import (
-    BASIN_GAP,
-    LEVELS,
-    NOTEBOOK,
-    ROWS,
-    RPM_600,
-    RUNS,
-    WHOLE,
-    Fit,
-    SearchSettings,
-    fit,
-)
+from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, ROWS, RPM_600, RUNS, WHOLE, Fit, fit
 from studies.claims import span
 from studies.multiverse import deviation_percent, printed_table
 from studies.realisations import FIRST_SAMPLES, draw_record, from_sample
@@ -65,31 +52,19 @@ def draw_row(noise: str, table: int, start: str, row: int) -> tuple[Recording, i
     return from_sample(record, first_sample), first_sample, seeds
 
 
-def search_row(
-    record: Recording, settings: SearchSettings, seeds: np.ndarray, others: bool
-) -> dict[str, list[Fit]]:
-    """Thirty fits by one search each, and if asked for by the others, by the name of the search."""
-
-    def fit_with(settings: SearchSettings, seeds: np.ndarray) -> list[Fit]:
-        return [fit(record, settings, int(seed)) for seed in seeds]
-
-    single = fit_with(settings, seeds[:, 0])
-    if not others:
-        return {SINGLE: single}
-    more = [fit_with(settings, of_run[1:]) for of_run in seeds]
-    larger = {
-        f"population {population}": fit_with(replace(settings, population=population), seeds[:, 0])
-        for population in LARGER
-    }
-    restarts = [min(first, *rest, key=BY_RMSE) for first, rest in zip(single, more, strict=True)]
-    return {SINGLE: single, RESTARTS: restarts, **larger}
-
-
 def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> list[dict]:
-    """What the searches find on one row: a row of the kept table for each."""
+    """What the searches find on one row, by one search each and, on our own noises, by the others: a row for each."""
     search_settings = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
     record, first_sample, seeds = draw_row(noise, table, start, row)
-    fits = search_row(record, search_settings, seeds, others=noise == OWN)
+
+    def fit_each(seeds: np.ndarray, **others: int) -> list[Fit]:
+        return [fit(record, replace(search_settings, **others), int(seed)) for seed in seeds]
+
+    fits = {SINGLE: fit_each(seeds[:, 0])}
+    if noise == OWN:
+        fits[RESTARTS] = [min(fit_each(of_run), key=BY_RMSE) for of_run in seeds]
+        for population in LARGER:
+            fits[f"population {population}"] = fit_each(seeds[:, 0], population=population)
     best = best_fit(record, search_settings)
     lowest = min(chain(*fits.values()), key=BY_RMSE)
     if lowest.rmse * (1 + BASIN_GAP) < best.rmse:
@@ -124,11 +99,6 @@ def planned_rows() -> list[tuple[str, str, int, str, int]]:
         *product([AUTHORS], settings, LOW_NOISE, (WHOLE, "per row"), ROWS),
         *product([OWN], settings[1:], range(1, TABLES + 1), ["per row"], ROWS),
     ]
-
-
-def measure_rows(plan: Iterable[tuple[str, str, int, str, int]]) -> DataFrame:
-    """The kept table of what is planned."""
-    return DataFrame(chain(*Parallel(n_jobs=-1)(delayed(measure_row)(*each) for each in plan)))
 
 
 # ------------------------------------------------------------------------------------------------ what it says

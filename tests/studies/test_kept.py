@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,8 @@ TOGETHER = [name for name in KEPT if name not in ALONE]
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}
 OF_REPORT = {"verdicts", "claims"}
+# A call gives several rows that its arguments do not tell apart.
+AT_ONCE = {"alpha_refit", "refusals"}
 
 
 def find_lacking(name):
@@ -60,6 +63,13 @@ def test_every_table_is_made_by_a_notebook_or_the_report_or_kept():
     tables = {f"results/{file.name}" for file in RESULTS.glob("*.csv")}
     kept = {f"results/{name}.csv" for name in (*KEPT, *TIMED, *OF_REPORT)}
     assert tables - exports - kept == set()
+
+
+@pytest.mark.parametrize("name", [name for name in KEPT if name not in AT_ONCE])
+def test_the_rows_of_a_kept_table_are_those_that_its_study_plans(name):
+    planned = pd.DataFrame(KEPT[name].plan(), columns=[*signature(KEPT[name].measure).parameters])
+    kept = pd.read_csv(RESULTS / f"{name}.csv")[planned.columns].drop_duplicates(ignore_index=True)
+    pd.testing.assert_frame_equal(planned, kept, check_dtype=False)
 
 
 def test_every_kept_table_is_as_its_study_wrote_it():
