@@ -54,18 +54,19 @@ def draw_row(noise: str, table: int, start: str, row: int) -> tuple[Recording, i
 
 def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> list[dict]:
     """What the searches find on one row, by one search each and, on our own noises, by the others: a row for each."""
-    search_settings = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
+    usual = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
     record, first_sample, seeds = draw_row(noise, table, start, row)
 
-    def fit_each(seeds: np.ndarray, **others: int) -> list[Fit]:
-        return [fit(record, replace(search_settings, **others), int(seed)) for seed in seeds]
+    def fit_each(settings: SearchSettings, seeds: np.ndarray) -> list[Fit]:
+        return [fit(record, settings, int(seed)) for seed in seeds]
 
-    fits = {SINGLE: fit_each(seeds[:, 0])}
+    fits = {SINGLE: fit_each(usual, seeds[:, 0])}
     if noise == OWN:
-        fits[RESTARTS] = [min(fit_each(of_run), key=BY_RMSE) for of_run in seeds]
+        fits[RESTARTS] = [min(fit_each(usual, of_run), key=BY_RMSE) for of_run in seeds]
         for population in LARGER:
-            fits[f"population {population}"] = fit_each(seeds[:, 0], population=population)
-    best = best_fit(record, search_settings)
+            larger = replace(usual, population=population)
+            fits[f"population {population}"] = fit_each(larger, seeds[:, 0])
+    best = best_fit(record, usual)
     lowest = min(chain(*fits.values()), key=BY_RMSE)
     if lowest.rmse * (1 + BASIN_GAP) < best.rmse:
         best = lowest
