@@ -13,7 +13,7 @@ from replication import table2
 from replication.best_fit import best_fit
 from replication.characteristic import printed_rows
 from replication.joint import Joint, Run, change, identified_joint, settled_peak, simulate
-from replication.records import Recording, add_noise, constant_speed
+from replication.records import add_noise, constant_speed
 from replication.signature import TURN, FloatArray, Timing
 from replication.table2 import NOTEBOOK, Fit
 from studies.standins import Bench, clean_record, fit_logs, read_encoder
@@ -95,13 +95,16 @@ def measure_error(delta_rad: float, turns: int, noise: int) -> dict[str, float]:
     return {"delta_rad": delta_rad, "turns": turns, "noise": noise, "error_rps": noisy - quiet}
 
 
+LOGS = 4  # for each friction
+
+
 def friction_study(joint: Joint, shares: Sequence[float], delta_rad: float = 1e-3) -> DataFrame:
     """Mean A of best fits to four logs without noise, by Coulomb friction on the load over m g r, and its change."""
-    benches = [Bench(joint._replace(load_coulomb=share * joint.G), 0.0) for share in (0.0, *shares)]
-    fits = fit_logs([(bench, delta_rad) for bench in benches for _ in range(4)], seed=1)
-    A = fits["A_rps"].to_numpy().reshape(-1, 4).mean(axis=1)
-    table = DataFrame({"friction": (0.0, *shares), "A_rps": A})
-    return table.assign(change_percent=100 * (A / A[0] - 1))
+    table = DataFrame({"friction": (0.0, *shares)})
+    rubbing = (joint._replace(load_coulomb=share * joint.G) for share in table["friction"])
+    cases = [(Bench(each, 0.0), delta_rad) for each in rubbing for _ in range(LOGS)]
+    A = fit_logs(cases, seed=1)["A_rps"].to_numpy().reshape(-1, LOGS).mean(axis=1)
+    return table.assign(A_rps=A, change_percent=100 * (A / A[0] - 1))
 
 
 def peak_change_percent(joint: Joint, factors: Mapping[str, float], delta_rad: float) -> float:
@@ -113,23 +116,23 @@ def peak_change_percent(joint: Joint, factors: Mapping[str, float], delta_rad: f
     return 100 * abs(after / before - 1)
 
 
-def encoder_record(joint: Joint, run: Run, bits: int, offset_rad: float) -> Recording:
-    """Record speeds differenced from a run's positions by an encoder that is turned by an offset."""
+def read_amplitude(joint: Joint, run: Run, bits: int, offset_rad: float) -> float:
+    """A [rps] of the best fit to a run's positions by an encoder that is turned by an offset."""
     source = f"simulated joint, {bits}-bit encoder"
-    return read_encoder(joint, run.t, run.theta_m + offset_rad, TURN / 2**bits, source)
+    angle = run.theta_m + offset_rad
+    return best_fit(read_encoder(joint, run.t, angle, TURN / 2**bits, source)).amplitude_rps
 
 
 def bits_study(
     joint: Joint, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
 ) -> DataFrame:
-    """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
+    """Change of A by an encoder's bits against a fine one, a row for each backlash, bits, and angle of mounting."""
     angles = np.random.default_rng(1).uniform(0, TURN, offsets)
     rows = []
     for delta in deltas_rad:
         run = simulate(joint, delta, 12 * joint.turn_period)
-        fine = best_fit(encoder_record(joint, run, FINE_BITS, 0.0)).amplitude_rps
-        for each in bits:
-            fits = [best_fit(encoder_record(joint, run, each, angle)) for angle in angles]
-            change = max(abs(fit.amplitude_rps - fine) for fit in fits)
+        fine = read_amplitude(joint, run, FINE_BITS, 0.0)
+        for each, angle in product(bits, angles):
+            change = abs(read_amplitude(joint, run, each, angle) - fine)
             rows.append((each, delta, change))
     return DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])

@@ -7,7 +7,7 @@ our assumption, and what these logs give tests nothing.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -128,23 +128,31 @@ def fit_logs(cases: Iterable[tuple[Bench, float]], seed: int) -> pd.DataFrame:
 # -------------------------------------------------------------------------------------- Tables 3 and 4
 
 
-def table3(bench: Bench, deltas: Sequence[float], seed: int, repeats: int) -> pd.DataFrame:
-    """Make Table 3 of a bench: a log and a static measure at each backlash [rad], the paper's search on the log.
+def search_logs(
+    element: str, logs: Sequence[tuple[dict[str, Any], Recording]], repeats: int
+) -> pd.DataFrame:
+    """The paper's search on each log, again and again: a row as `table2.summarise_runs` has it, with printed numbers.
 
-    The known A is that of the measure. Columns as `table2.summarise_runs` has them, printed ones beside.
+    The mean is of |A|. What says which log it is has its `theoretical_A_rps`, too.
     """
+    runs = repeated_fits(logs, NOTEBOOK, range(1, repeats + 1))
+    keys = [name for name in logs[0][0] if name != "theoretical_A_rps"]
+    table = summarise_runs(runs.assign(A_rps=runs["A_rps"].abs()), keys)
+    names = published.cells(element)["column"].unique()
+    return table.assign(**{f"printed_{name}": published.column(element, name) for name in names})
+
+
+def table3(bench: Bench, deltas: Sequence[float], seed: int, repeats: int) -> pd.DataFrame:
+    """Make Table 3 of a bench: a log and a static measure, whose A is the known one, at each backlash [rad]."""
     rng = np.random.default_rng(seed)
-    records = []
+    logs = []
     for row, delta in enumerate(deltas, start=1):
         measure = delta + rng.normal(0.0, DIAL_GAUGE_RAD)
         key = {"row": row, "delta_rad": delta, "measure_rad": measure}
         key["theoretical_A_rps"] = characteristic.known_amplitude_rps(measure)
-        records.append((key, encoder_log(bench, delta, rng)))
-    runs = repeated_fits(records, NOTEBOOK, range(1, repeats + 1))
-    table = summarise_runs(runs, ["row", "delta_rad", "measure_rad"])
-    names = ("known", "mean", "sd", "relative_error")
-    printed = {f"printed_{name}": published.column("Table 3", name) for name in names}
-    return table.rename(columns={"theoretical_A_rps": "known_A_rps"}).assign(**printed)
+        logs.append((key, encoder_log(bench, delta, rng)))
+    table = search_logs("Table 3", logs, repeats)
+    return table.rename(columns={"theoretical_A_rps": "known_A_rps"})
 
 
 # Backlash [rad] of the two kinds of robots, between limits.
@@ -170,13 +178,10 @@ def draw_robot(rng: np.random.Generator, kind: str, coupling: float = 0.03) -> t
 
 
 def table4(robots: Sequence[tuple[Bench, float]], seed: int, repeats: int) -> pd.DataFrame:
-    """Make Table 4 of two robots, a healthy A and an excessive B: a log each, |A| by the paper's search."""
-    records = []
+    """Make Table 4 of two robots, a healthy A and an excessive B: a log each."""
+    logs = []
     for number, (robot, (bench, delta)) in enumerate(zip("AB", robots, strict=True)):
         key = {"robot": robot, "delta_rad": delta, "theoretical_A_rps": np.nan}
-        records.append((key, encoder_log(bench, delta, np.random.default_rng((seed, number)))))
-    runs = repeated_fits(records, NOTEBOOK, range(1, repeats + 1))
-    runs = runs.assign(A_rps=runs["A_rps"].abs())
-    table = summarise_runs(runs, ["robot", "delta_rad"])
-    printed = {f"printed_{name}": published.column("Table 4", name) for name in ("mean", "sd")}
-    return table.drop(columns=["theoretical_A_rps", "relative_error_percent"]).assign(**printed)
+        logs.append((key, encoder_log(bench, delta, np.random.default_rng((seed, number)))))
+    table = search_logs("Table 4", logs, repeats)
+    return table.drop(columns=["theoretical_A_rps", "relative_error_percent"])
