@@ -10,8 +10,7 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
-from pandas import DataFrame
+from pandas import DataFrame, Series
 from scipy import stats
 
 from replication import published
@@ -209,7 +208,7 @@ def find_ends(numbers: Iterable[float]) -> dict[str, float]:
     return {"low": ordered[0], "high": ordered[-1]}
 
 
-def span(numbers: pd.Series, form: str) -> str:
+def span(numbers: Series, form: str) -> str:
     """Write the first and the last of some numbers: "0.1 to 0.3"; once, where they look alike."""
     return " to ".join(dict.fromkeys(format(number, form) for number in numbers))
 
@@ -408,7 +407,7 @@ def measure_quality(means: DataFrame) -> Numbers:
     rows = printed_rows()
     errors = np.abs(equation_10(means) - rows["delta_rad"].to_numpy())
     percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
-    pairs = pd.Series(
+    pairs = Series(
         {
             (earlier, later): np.mean(errors[:, later - 1] > errors[:, earlier - 1])
             for earlier, later in product(rows.index[:END_ROWS], rows.index[-END_ROWS:])

@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import numba
 import numpy as np
-import pandas as pd
+from pandas import DataFrame
 
 from replication import joint as simulator
 from replication.joint import Joint, identified_joint, ratios, settled_peak, simulate
@@ -20,7 +20,7 @@ ALPHAS = (1e6, 1e5, 1e4, 1e3)
 DAMPING_RATIO = 0.05  # of the joint whose torque steps
 
 
-def refit_alphas(alpha: float) -> pd.DataFrame:
+def refit_alphas(alpha: float) -> DataFrame:
     """Identify the joint anew at each of `ALPHAS` down to one: misfit, that with the joint's own ratios, new ratios."""
     records = load_clean_records(FIT_LEVELS)
     last = identified_joint()
@@ -34,7 +34,7 @@ def refit_alphas(alpha: float) -> pd.DataFrame:
         errors = np.concatenate(errors_in_turn(same, records, 3))
         misfits = {"nrmse": fit.nrmse, "nrmse_same_ratios": math.sqrt(np.mean(errors**2))}
         rows.append({"alpha": sharper} | misfits | ratios(last))
-    return pd.DataFrame(rows)
+    return DataFrame(rows)
 
 
 # Of each stage of the classical Runge-Kutta method, in steps: its time, its weight, and how far the next one starts.
@@ -81,7 +81,7 @@ def plain_steps_speed(joint: Joint, delta: float, duration: float, step: float) 
 
 def stepping_torque_study(
     joint: Joint, deltas: Iterable[float], steps: Sequence[float]
-) -> pd.DataFrame:
+) -> DataFrame:
     """Settled peaks from plain steps against fine ones that locate the contact, with a stepping torque or not."""
     damping = 2 * DAMPING_RATIO * math.sqrt(joint.K_s * joint.J_l)
     models = {"stepping": joint._replace(clamped=True, D_s=damping), "modified": joint}
@@ -95,4 +95,4 @@ def stepping_torque_study(
             speed = plain_steps_speed(model, delta, duration, step)
             error = (speed[first_turn:].max() - joint.Omega / TURN) / reference - 1
             rows.append((name, delta, step, error))
-    return pd.DataFrame(rows, columns=["model", "delta_rad", "step_s", "error"])
+    return DataFrame(rows, columns=["model", "delta_rad", "step_s", "error"])

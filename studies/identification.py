@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
+from pandas import DataFrame
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
@@ -46,7 +46,7 @@ class Identification(NamedTuple):
 
     joint: Joint
     interval_95: dict[str, list[float]]  # of each ratio, from the linearised least squares
-    correlation: pd.DataFrame  # of the ratios' estimates
+    correlation: DataFrame  # of the ratios' estimates
     nrmse: float  # root of the mean over the levels of the squared normalised RMSE
 
 
@@ -109,7 +109,7 @@ def identify_joint(records: Records, start: Joint) -> Identification:
     half = stdtrit(degrees, 0.975) * np.sqrt(2 * fit.cost / degrees) * sd
     ends = np.sort(values * [fit.x - half, fit.x + half], axis=0)
     intervals = dict(zip(names, ends.T.tolist(), strict=True))
-    correlation = pd.DataFrame(inverse / np.outer(sd, sd), index=names, columns=names)
+    correlation = DataFrame(inverse / np.outer(sd, sd), index=names, columns=names)
     return Identification(scaled(fit.x), intervals, correlation, np.sqrt(2 * fit.cost / size))
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
+from pandas import DataFrame, concat
 from scipy import stats
 
 from replication import published
@@ -64,7 +64,7 @@ def printed_table() -> Tables:
     return _name_numbers(*(column[: len(ROWS), None] for column in columns))
 
 
-def arrange_tables(realisations: pd.DataFrame) -> Tables:
+def arrange_tables(realisations: DataFrame) -> Tables:
     """Arrange the rows of `realisations.read_realisations` as whole tables."""
     of_rows = realisations[realisations["row"].isin(ROWS)]
     wide = of_rows.pivot(index="row", columns=["protocol", "realisation"])
@@ -124,7 +124,7 @@ def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
 # --------------------------------------------------------------------------------------------------- the multiverse
 
 
-def split_protocols(realisations: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
+def split_protocols(realisations: DataFrame) -> Iterator[tuple[str, str, DataFrame]]:
     """Yield start, settings and their realisations: of each start all settings together, then one by one."""
     for start in STARTS:
         alone = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
@@ -133,7 +133,7 @@ def split_protocols(realisations: pd.DataFrame) -> Iterator[tuple[str, str, pd.D
             yield start, settings, realisations[realisations["protocol"].isin(protocols)]
 
 
-def make_multiverse(realisations: pd.DataFrame) -> pd.DataFrame:
+def make_multiverse(realisations: DataFrame) -> DataFrame:
     """Test the printed table against ours in all choices of start, settings, numbers and score.
 
     Parameters
@@ -166,7 +166,7 @@ def make_multiverse(realisations: pd.DataFrame) -> pd.DataFrame:
                     "false_alarms": np.mean(p_values(score, ours, by_rows) < LEVEL),
                 }
                 rows.append(key | tested)
-    return pd.DataFrame(rows)
+    return DataFrame(rows)
 
 
 # --------------------------------------------------------------------------------------------------- what it says
@@ -179,14 +179,14 @@ class Rejections(NamedTuple):
     rejected: int
 
 
-def count_rejections(multiverse: pd.DataFrame, start: str, numbers: str) -> Rejections:
+def count_rejections(multiverse: DataFrame, start: str, numbers: str) -> Rejections:
     """Count what rejects means or SDs under a start, of the tests that have tables enough to reject."""
     of_start = (multiverse["start"] == start) & (multiverse["numbers"] == numbers)
     p = multiverse.loc[of_start & (multiverse["least_p"] < LEVEL), "p"]
     return Rejections(p.size, int((p < LEVEL).sum()))
 
 
-def name_exclusions(multiverse: pd.DataFrame, start: str, limit: float) -> str:
+def name_exclusions(multiverse: DataFrame, start: str, limit: float) -> str:
     """Say which scores exclude a start under all its settings: "the means' largest error, the SDs' ranks".
 
     They do where the largest p, of the tests that have tables enough for the limit, is below it.
@@ -214,7 +214,7 @@ READINGS = {
 }
 
 
-def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria = None) -> Numbers:
+def measure_random_start(multiverse: DataFrame, criteria: published.Criteria = None) -> Numbers:
     """Whether the search begins at a random sample, whichever way the text is read, by p of the mean deviation.
 
     Compared are the largest p of the whole record and of a drawn start, and nothing where both are excluded.
@@ -245,7 +245,7 @@ def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria 
     }
 
 
-def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
+def compare_starts(realisations: DataFrame) -> DataFrame:
     """What our tables with each start say of the printed one, by one measure under the settings that all starts have.
 
     Returns
@@ -265,7 +265,7 @@ def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
             for of, settings, part in split_protocols(realisations)
             if of == start and settings in names
         ]
-        ours = arrange_tables(pd.concat(parts))
+        ours = arrange_tables(concat(parts))
         off = [deviation_percent(arrange_tables(part)).mean() for part in parts]
         rows[start] = {
             "tables": ours["means"].shape[1],
@@ -277,10 +277,10 @@ def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
             "largest_percent": max(off),
             "reaching": int((deviation_percent(ours) >= deviation_percent(printed)).sum()),
         }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("start")
+    return DataFrame.from_dict(rows, orient="index").rename_axis("start")
 
 
-def describe_intervals(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
+def describe_intervals(rows: DataFrame) -> dict[str, dict[str, Any]]:
     """How Table 2's means and SDs lie in our intervals.
 
     `rows` have `mean, mean_ours, mean_low, mean_high` and the same of `sd`, by number: `agree`, how many of `all`;
@@ -322,7 +322,7 @@ def write_p(p: float, least: float = 0.0) -> str:
     return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
-def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, Any]:
+def describe_multiverse(realisations: DataFrame, multiverse: DataFrame) -> dict[str, Any]:
     """What the report says of Table 2 as a whole, from the kept realisations and `make_multiverse` of them.
 
     `starts` are `compare_starts`; `whole` our tables with the whole record under all settings; `rejections` counts

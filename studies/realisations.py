@@ -6,7 +6,8 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
+from numpy.random import Generator, default_rng
+from pandas import DataFrame, read_csv
 
 from replication import published
 from replication.files import ROOT, check_kept
@@ -37,17 +38,17 @@ def from_sample(recording: Recording, start: int) -> Recording:
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
-def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Generator) -> np.ndarray:
+def draw_starts(settings: SearchSettings, realisation: int, rng: Generator) -> np.ndarray:
     """Draw the first samples of a row's thirty fits, for each fit, row or table; shape (30,)."""
     if settings.start == WHOLE:
         return np.zeros(RUNS, int)
     if settings.start == "per table":  # whose rows share a stream
-        rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation))
+        rng = default_rng((STUDY_SEED, *settings.protocol.encode(), realisation))
     drawn = rng.integers(FIRST_SAMPLES, size=RUNS if settings.start == "per fit" else 1)
     return np.broadcast_to(drawn, RUNS)
 
 
-def draw_record(row: int, rng: np.random.Generator) -> Recording:
+def draw_record(row: int, rng: Generator) -> Recording:
     """A row's clean record with a noise of the printed amplitude.
 
     Row 1's clean record is not public, so our joint's takes its place.
@@ -64,7 +65,7 @@ def noisy_records(
     settings: SearchSettings, row: int, realisation: int
 ) -> list[tuple[Recording, int]]:
     """Draw a noise, and of each of a row's thirty fits the record and the seed; no other settings have the same."""
-    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
+    rng = default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
     record = draw_record(row, rng)
     starts = draw_starts(settings, realisation, rng)
     seeds = rng.integers(1, 2**31, RUNS)
@@ -89,10 +90,10 @@ def realise(protocol: str, row: int, realisation: int) -> dict[str, object]:
     }
 
 
-def read_realisations() -> pd.DataFrame:
+def read_realisations() -> DataFrame:
     """The realisations that are kept: the rows of `realise`."""
     check_kept(REALISATIONS)
-    return pd.read_csv(REALISATIONS)
+    return read_csv(REALISATIONS)
 
 
 def planned_rows() -> list[tuple[str, int, int]]:

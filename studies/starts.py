@@ -28,7 +28,18 @@ from pandas import DataFrame
 from replication import published
 from replication.best_fit import best_fit
 from replication.records import LOW_NOISE, Recording, load_noisy
-from replication.table2 import BASIN_GAP, LEVELS, NOTEBOOK, ROWS, RPM_600, RUNS, WHOLE, Fit, fit
+from replication.table2 import (
+    BASIN_GAP,
+    LEVELS,
+    NOTEBOOK,
+    ROWS,
+    RPM_600,
+    RUNS,
+    WHOLE,
+    Fit,
+    SearchSettings,
+    fit,
+)
 from studies.claims import span
 from studies.multiverse import deviation_percent, printed_table
 from studies.realisations import FIRST_SAMPLES, draw_record, from_sample
