@@ -5,7 +5,7 @@ Rules and limits stand in `claims.csv`.
 """
 
 import string
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ from replication.records import Recording, authors_checksums
 from replication.signature import FloatArray
 from replication.table2 import SETTINGS, basin_labels
 
-Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words name several
+Numbers = Mapping[str, Any]  # by name; "rows", a table of such, where the words name several
 
 
 class Claim(NamedTuple):
@@ -186,11 +186,10 @@ class _Scaling(string.Formatter):
 
 def write_words(claim: str, numbers: Numbers) -> str:
     """Write what was measured of a claim."""
-    words = _Scaling()
-    rows = [words.format(CLAIMS[claim].row, **row) for row in numbers.get("rows", ())]
-    return words.format(
-        CLAIMS[claim].words, **{**numbers, "rows": CLAIMS[claim].between.join(rows)}
-    )
+    write, form = _Scaling().format, CLAIMS[claim]
+    of_rows = DataFrame(numbers.get("rows", ())).to_dict("records")
+    rows = form.between.join(write(form.row, **of_row) for of_row in of_rows)
+    return write(form.words, **{**numbers, "rows": rows})
 
 
 def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
@@ -202,10 +201,9 @@ def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
     return written
 
 
-def find_ends(numbers: Iterable[float]) -> dict[str, float]:
+def find_ends(numbers: Collection[float]) -> dict[str, float]:
     """The smallest and the largest of some numbers, by the names that most claims compare."""
-    ordered = sorted(numbers)
-    return {"low": ordered[0], "high": ordered[-1]}
+    return {"low": min(numbers), "high": max(numbers)}
 
 
 def span(numbers: Series, form: str) -> str:
@@ -273,11 +271,12 @@ def measure_records(records: Mapping[float, Recording]) -> DataFrame:
 
 def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
     """Two impacts a turn, half a turn apart, of one amplitude that grows with the backlash: from `measure_records`."""
-    steps = {
-        "peak of the samples": records["peak_rps"].diff().min(),
-        "RMS": records["rms_rps"].diff().min(),
-        "printed A": np.diff(printed_rows()["theoretical"]).min(),
-    }
+    steps = [
+        ("peak of the samples", records["peak_rps"].diff().min()),
+        ("RMS", records["rms_rps"].diff().min()),
+        ("printed A", printed_rows()["theoretical"].diff().min()),
+    ]
+    rows = DataFrame(steps, columns=["name", "step_rps"])
     alternates = records["alternates"]
     return {
         "two_impacts": {
@@ -286,8 +285,7 @@ def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
             "records": len(records),
         },
         "half_turn": find_ends(records["mismatch"]),
-        "amplitude_grows": find_ends(steps.values())
-        | {"rows": [{"name": name, "step_rps": step} for name, step in steps.items()]},
+        "amplitude_grows": {**find_ends(rows["step_rps"]), "rows": rows},
         "same_amplitude": {
             "settled": records["rms_spread"].max(),
             "whole": records["rms_spread_whole"].max(),
@@ -317,7 +315,7 @@ def measure_dead_zone(joint: Joint) -> dict[str, Numbers]:
         "stiffness_zero_inside": {
             **find_ends(gaps["in_middle"]),
             "at_edge": gaps["at_edge"].min(),
-            "rows": [{"alpha": alpha, **find_ends(middle)} for alpha, middle in by_alpha],
+            "rows": by_alpha.agg(low="min", high="max").reset_index(),
         },
         "no_discontinuity": find_ends(gaps["jump_nm"]),
     }
@@ -391,7 +389,7 @@ def measure_our_errors(means: DataFrame) -> Numbers:
         "share": of_tables.mean(),
         "tables": len(means),
         "limit": limit,
-        "rows": [{"row": row, "share": share} for row, share in worst.items()],
+        "rows": worst.rename("share").reset_index(),
         "public": above.drop(columns=1).any(axis=1).mean(),
     }
 
@@ -413,11 +411,11 @@ def measure_quality(means: DataFrame) -> Numbers:
             for earlier, later in product(rows.index[:END_ROWS], rows.index[-END_ROWS:])
         }
     )
-    ends = DataFrame([pairs.idxmin(), pairs.idxmax()], columns=["earlier", "later"])
+    ends = pairs.loc[[pairs.idxmin(), pairs.idxmax()]].rename_axis(["earlier", "later"])
     return {
         **find_ends(pairs),
         "tables": len(means),
-        "rows": ends.assign(share=[pairs.min(), pairs.max()]).to_dict("records"),
+        "rows": ends.reset_index(name="share"),
         "first": rows.index[0],
         "last": rows.index[-1],
         "in_percent": np.mean(percent[:, -1] > percent[:, 0]),
@@ -435,7 +433,7 @@ def measure_local_minima(realisations: DataFrame) -> Numbers:
         **find_ends([*shares, in_best.mean()]),
         "stored_best": in_best.sum(),
         "stored": in_best.size,
-        "rows": shares.rename("share").reset_index().to_dict("records"),
+        "rows": shares.rename("share").reset_index(),
     }
 
 
@@ -496,7 +494,7 @@ def measure_turns(errors: DataFrame) -> Numbers:
         "many": many,
         "factor": factor,
         "noises": noises,
-        "rows": [{"ratio": ratio} for ratio in ratios],
+        "rows": ratios.to_frame("ratio"),
     }
 
 
@@ -562,7 +560,7 @@ def measure_swarms(compared: DataFrame) -> Numbers:
         "p_better": len(compared) * compared["p_cma_better"].max(),
         "p_worse": len(compared) * compared["p_swarm_better"].min(),
         "rate": compared["rate_cma"].iloc[0],
-        "rows": compared.to_dict("records"),
+        "rows": compared,
     }
 
 
@@ -570,11 +568,11 @@ def measure_classical(table: DataFrame, kind: str) -> Numbers:
     """How often classical methods of a kind, "classical" or "prepared", succeed, from `optimizers.success_table`."""
     classical = table[table["kind"] == kind]
     low, high = classical[["rate_low", "rate_high"]].max()
-    return {"low": low, "high": high, "rows": classical.to_dict("records")}
+    return {"low": low, "high": high, "rows": classical}
 
 
 def measure_tuning(table: DataFrame) -> Numbers:
     """How often CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
     untuned = table[table["method"].str.startswith("CMA-ES, its own population")]
     ends = {"low": untuned["rate_low"].min(), "high": untuned["rate_high"].max()}
-    return ends | {"rows": untuned.to_dict("records")}
+    return ends | {"rows": untuned}

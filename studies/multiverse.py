@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from pandas import DataFrame, concat
+from pandas import DataFrame
 from scipy import stats
 
 from replication import published
@@ -27,6 +27,7 @@ DRAWS = 20_000  # tables recombined for a p
 LEVEL = 0.05
 TOGETHER = "together"  # all settings of a start
 INSIDE = "in interval"
+PROTOCOLS = (*SETTINGS, *DRAWN_STARTS)
 # Why a start, or settings, may be those of Table 2.
 WHY = {
     WHOLE: "as the authors' notebook begins",
@@ -126,10 +127,10 @@ def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
 
 def split_protocols(realisations: DataFrame) -> Iterator[tuple[str, str, DataFrame]]:
     """Yield start, settings and their realisations: of each start all settings together, then one by one."""
-    for start in STARTS:
-        alone = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
-        for settings, parts in [(TOGETHER, alone), *((each.name, [each]) for each in alone)]:
-            protocols = [each.protocol for each in parts]
+    for start, ending in STARTS.items():
+        alone = {each.name: [each.protocol] for each in PROTOCOLS if each.start == start}
+        together = [name + ending for name in alone]
+        for settings, protocols in ({TOGETHER: together} | alone).items():
             yield start, settings, realisations[realisations["protocol"].isin(protocols)]
 
 
@@ -191,10 +192,8 @@ def name_exclusions(multiverse: DataFrame, start: str, limit: float) -> str:
 
     They do where the largest p, of the tests that have tables enough for the limit, is below it.
     """
-    tests = multiverse[
-        multiverse["numbers"].isin(["means", "SDs"]) & (multiverse["start"] == start)
-    ]
-    tests = tests[tests["score"] != INSIDE]
+    tests = multiverse[multiverse["start"] == start].dropna(subset="p")
+    tests = tests[tests["numbers"].isin(["means", "SDs"])]
     enough = tests["p"].where(tests["least_p"] < limit)
     p = enough.groupby([tests["numbers"], tests["score"]], sort=False).max()
     excluding = p.index[p < limit].to_frame(index=False)
@@ -224,8 +223,9 @@ def measure_random_start(multiverse: DataFrame, criteria: published.Criteria = N
     by_start = alone[alone["score"] == MEAN_DEVIATION].groupby("start")["p"]
     p = by_start.agg(["min", "max"])
     settings = by_start.size()
-    whole_p, drawn_p = p.loc[WHOLE, "max"], p.loc[[*READINGS], "max"].max()
-    both_excluded = max(whole_p, drawn_p) < limit
+    compared = {"whole_p": p.loc[WHOLE, "max"], "drawn_p": p.loc[[*READINGS], "max"].max()}
+    if max(compared.values()) < limit:
+        compared = dict.fromkeys(compared, np.nan)
     rows = [
         {
             "reading": reading,
@@ -236,8 +236,7 @@ def measure_random_start(multiverse: DataFrame, criteria: published.Criteria = N
         for start, reading in READINGS.items()
     ]
     return {
-        "whole_p": np.nan if both_excluded else whole_p,
-        "drawn_p": np.nan if both_excluded else drawn_p,
+        **compared,
         "p_of_whole": span(p.loc[WHOLE], ".1g"),
         "whole_settings": settings[WHOLE],
         "drawn_settings": settings[[*READINGS]].max(),
@@ -257,16 +256,13 @@ def compare_starts(realisations: DataFrame) -> DataFrame:
         deviate as the printed ones or less.
     """
     printed = printed_table()
-    names = {settings.name for settings in DRAWN_STARTS}
     rows = {}
-    for start in STARTS:
-        parts = [
-            part
-            for of, settings, part in split_protocols(realisations)
-            if of == start and settings in names
-        ]
-        ours = arrange_tables(concat(parts))
-        off = [deviation_percent(arrange_tables(part)).mean() for part in parts]
+    for start, ending in STARTS.items():
+        protocols = {settings.name + ending for settings in DRAWN_STARTS}
+        of_start = realisations[realisations["protocol"].isin(protocols)]
+        ours = arrange_tables(of_start)
+        parts = [arrange_tables(part) for _, part in of_start.groupby("protocol")]
+        off = [deviation_percent(part).mean() for part in parts]
         rows[start] = {
             "tables": ours["means"].shape[1],
             "settings": len(parts),
