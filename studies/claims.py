@@ -482,7 +482,7 @@ def measure_turns(errors: DataFrame) -> Numbers:
     """The RMS error of the longest records over that of the shortest, from `experiments.measure_error`."""
     squares = (errors["error_rps"] ** 2).groupby([errors["delta_rad"], errors["turns"]])
     rms = np.sqrt(squares.mean()).unstack()
-    few, many = rms.columns.min(), rms.columns.max()
+    few, many = rms.columns
     ratios = rms[many] / rms[few]
     noises = squares.size().min()
     # F's own quantiles at 0.025 and 0.975 are inverses.

@@ -95,8 +95,7 @@ def draw_detection(
     and of the excessive that are detected.
     """
     figure, upper, lower = stack(2, 5.4, sharex=False)
-    ends = np.concatenate(list(A_rps.values()))
-    bins = np.linspace(0, 1.02 * ends.max(), 25)
+    bins = np.linspace(0, 1.02 * max(map(np.max, A_rps.values())), 25)
     # Filled and framed: a hatch is not drawn by every renderer of SVG.
     looks = {"color": SKY, "alpha": 0.6}, {"edgecolor": VERMILION, "fill": False, "linewidth": 1.6}
     for kind, look in zip(A_rps, looks, strict=True):

@@ -9,13 +9,12 @@ from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy import stats
 
-from replication import table2
 from replication.best_fit import best_fit
 from replication.characteristic import printed_rows
 from replication.joint import Joint, Run, change, identified_joint, settled_peak, simulate
 from replication.records import add_noise, constant_speed
 from replication.signature import TURN, FloatArray, Timing
-from replication.table2 import NOTEBOOK, Fit
+from replication.table2 import NOTEBOOK, fit
 from studies.standins import Bench, clean_record, fit_logs, read_encoder
 
 FINE_BITS = 40  # of an encoder without steps
@@ -38,12 +37,11 @@ def noise_tests(noises: Iterable[FloatArray]) -> DataFrame:
 
 def amplitudes_without_backlash(seeds: Iterable[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
-
-    def fit(seed: int) -> Fit:
-        noise = add_noise(constant_speed(), noise_rps, np.random.default_rng(seed))
-        return table2.fit(noise, NOTEBOOK, seed)
-
-    fits = Parallel(n_jobs=-1)(delayed(fit)(seed) for seed in seeds)
+    speed = constant_speed()
+    fits = Parallel(n_jobs=-1)(
+        delayed(fit)(add_noise(speed, noise_rps, np.random.default_rng(seed)), NOTEBOOK, seed)
+        for seed in seeds
+    )
     return np.array([each.amplitude_rps for each in fits])
 
 

@@ -50,22 +50,18 @@ class Identification(NamedTuple):
     nrmse: float  # root of the mean over the levels of the squared normalised RMSE
 
 
-def settled_sd(record: Recording) -> float:
-    """SD of a record's speed after its first turn [rps]: the unit of its errors."""
-    return float(record.v[record.t >= record.turn_period_s - 1e-9].std())
-
-
 def errors_in_turn(joint: Joint, records: Records, turn: int) -> list[FloatArray]:
-    """Simulated less recorded speed in one turn (1: the first) of each record, over the record's `settled_sd`.
+    """Simulated less recorded speed in one turn (1: the first) of each record, in SDs.
 
-    Records are evenly sampled from t = 0 and no shorter than the turn's end. A ValueError: see `joint.simulate`.
+    The SD is that of the record's speed after its first turn. Records are evenly sampled from t = 0 and no shorter than the turn's end. A ValueError: see `joint.simulate`.
     """
     errors = []
     for delta, record in records.items():
         sample = round(record.sample_s, 9)
         start, end = (round(k * joint.turn_period / sample) for k in (turn - 1, turn))
         run = simulate(joint, delta, end * sample, sample, STEP)
-        errors.append((run.v[start:end] - record.v[start:end]) / settled_sd(record))
+        settled = record.v[record.t >= record.turn_period_s - 1e-9]
+        errors.append((run.v[start:end] - record.v[start:end]) / settled.std())
     return errors
 
 

@@ -5,7 +5,7 @@ encoder; a plant robot is axis 4 of an arm whose other joints shake it. The pape
 our assumption, and what these logs give tests nothing.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -115,15 +115,12 @@ def encoder_log(bench: Bench, delta: float, rng: Generator) -> Recording:
 # -------------------------------------------------------------------------------------------- many logs
 
 
-def fit_logs(cases: Iterable[tuple[Bench, float]], seed: int) -> DataFrame:
+def fit_logs(cases: Sequence[tuple[Bench, float]], seed: int) -> DataFrame:
     """Log each bench with a backlash and find A of the best fit of the signature, on all cores; a row a log."""
-
-    def fit_log(number: int, bench: Bench, delta: float) -> tuple[float, float]:
-        record = encoder_log(bench, delta, default_rng((seed, number)))
-        return delta, best_fit(record).amplitude_rps
-
-    rows = Parallel(n_jobs=-1)(delayed(fit_log)(k, *case) for k, case in enumerate(cases))
-    return DataFrame(rows, columns=["delta_rad", "A_rps"])
+    logs = (encoder_log(*case, default_rng((seed, k))) for k, case in enumerate(cases))
+    fits = Parallel(n_jobs=-1)(delayed(best_fit)(log) for log in logs)
+    deltas = [delta for _, delta in cases]
+    return DataFrame({"delta_rad": deltas, "A_rps": [fit.amplitude_rps for fit in fits]})
 
 
 # -------------------------------------------------------------------------------------- Tables 3 and 4

@@ -10,6 +10,7 @@ from replication import table2
 from replication.files import ROOT
 from replication.joint import change, identified_joint, settled_peak, simulate
 from replication.records import add_noise, constant_speed
+from replication.signature import TURN
 from studies import claims, experiments
 from workbook.judging import decide
 
@@ -51,16 +52,6 @@ def test_a_kept_error_by_noise_comes_again():
     assert made == pytest.approx(kept.to_dict(), rel=1e-3)
 
 
-def test_an_encoder_of_many_bits_gives_the_speed_and_one_of_few_its_steps():
-    joint = identified_joint()
-    run = simulate(joint, 9e-4)
-    fine, coarse = (experiments.encoder_record(joint, run, bits, 0.3).v for bits in (30, 12))
-    assert fine.mean() == pytest.approx(100, abs=0.01)
-    assert np.abs(fine - coarse).max() > 0.01
-    steps = coarse * 2**12 * 0.002
-    np.testing.assert_allclose(steps, steps.round(), atol=1e-6)
-
-
 def test_the_amplitude_in_a_noise_is_that_of_one_run_with_its_seed():
     noise = add_noise(constant_speed(), 0.1, np.random.default_rng(8))
     fit = table2.fit(noise, table2.NOTEBOOK, 8)
@@ -83,17 +74,19 @@ def test_friction_changes_the_mean_of_four_logs_against_none(monkeypatch):
     np.testing.assert_allclose(study["change_percent"], [0, -10 / 2.15, -50 / 2.15], atol=1e-9)
 
 
-def test_bits_change_the_amplitude_by_the_most_of_some_angles(monkeypatch):
-    def best_fit(record):
-        delta, bits, angle = record
-        steps = 0.0 if bits == experiments.FINE_BITS else (1 + angle) * 2.0**-bits
-        return SimpleNamespace(amplitude_rps=1e3 * delta - steps)
+def test_bits_change_the_amplitude_against_a_fine_encoder_at_some_angles(monkeypatch):
+    def read_encoder(joint, t, angle, step, source):
+        return SimpleNamespace(amplitude_rps=angle + 1e3 * step)
 
-    monkeypatch.setattr(experiments, "simulate", lambda joint, delta, duration: delta)
-    monkeypatch.setattr(experiments, "encoder_record", lambda joint, *record: record)
-    monkeypatch.setattr(experiments, "best_fit", best_fit)
+    def simulate(joint, delta, duration):
+        return SimpleNamespace(t=None, theta_m=delta)
+
+    monkeypatch.setattr(experiments, "simulate", simulate)
+    monkeypatch.setattr(experiments, "read_encoder", read_encoder)
+    monkeypatch.setattr(experiments, "best_fit", lambda record: record)
     study = experiments.bits_study(identified_joint(), [3e-4, 5e-4], [12, 19], offsets=3)
-    assert study["bits"].tolist() == [12, 19, 12, 19]
-    assert study["delta_rad"].tolist() == [3e-4, 3e-4, 5e-4, 5e-4]
-    largest = 1 + np.random.default_rng(1).uniform(0, 2 * np.pi, 3).max()
-    np.testing.assert_allclose(study["change_rps"], largest * 2.0 ** -study["bits"])
+    assert study["bits"].tolist() == 2 * [12, 12, 12, 19, 19, 19]
+    assert study["delta_rad"].tolist() == [3e-4] * 6 + [5e-4] * 6
+    angles = np.tile(np.random.default_rng(1).uniform(0, TURN, 3), 4)
+    steps = 1e3 * TURN * (2.0 ** -study["bits"] - 2.0**-experiments.FINE_BITS)
+    np.testing.assert_allclose(study["change_rps"], angles + steps)
