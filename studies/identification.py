@@ -53,7 +53,8 @@ class Identification(NamedTuple):
 def errors_in_turn(joint: Joint, records: Records, turn: int) -> list[FloatArray]:
     """Simulated less recorded speed in one turn (1: the first) of each record, in SDs.
 
-    The SD is that of the record's speed after its first turn. Records are evenly sampled from t = 0 and no shorter than the turn's end. A ValueError: see `joint.simulate`.
+    The SD is that of the record's speed after its first turn. Records are evenly sampled from t = 0 and no shorter than
+    the turn's end. A ValueError: see `joint.simulate`.
     """
     errors = []
     for delta, record in records.items():
