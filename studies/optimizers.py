@@ -172,10 +172,6 @@ def _least_squares(cost: Cost, start: FloatArray) -> None:
     optimize.least_squares(cost.residuals, start, bounds=(0, 1))
 
 
-def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
-    optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
-
-
 # By name, what kind each is and how it searches.
 RANDOM: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
@@ -191,7 +187,7 @@ RANDOM["least squares, restarted"] = "classical", partial(_restarted, descend=_l
 # They run once on each of the fifty public records of low noise.
 DETERMINISTIC: dict[str, tuple[str, Method]] = {}
 for name in ("L-BFGS-B", "Nelder-Mead"):
-    descend: Descent = partial(_minimize, method=name)
+    descend: Descent = partial(optimize.minimize, method=name, bounds=optimize.Bounds(0, 1))
     RANDOM[f"{name}, restarted"] = "classical", partial(_restarted, descend=descend)
     for starts, number in (("one start", 1), ("fifty starts along t0", 50)):
         search_from = partial(_from_grid, descend=descend, starts=number)
