@@ -267,12 +267,10 @@ def test_an_interval_is_that_of_f_and_one_without_an_end_says_so():
 @pytest.mark.parametrize(
     ("claim", "inside", "outside"),
     [
-        ("uniform_noise", 0.5, 0.001),
         ("no_backlash", (0.1, 0.2), (0.3, 0.4)),
         ("little_tuning", (0.6, 0.7), (0.1, 0.2)),
         ("cma_beats_swarms", (0.01, 0.9), (0.9, 0.01)),
         ("encoder_step", 1.2e-5, 2e-5),
-        ("code_and_data_public", 1, 0),
     ],
 )
 def test_a_margin_lies_below_one_where_a_claim_holds_and_above_where_it_does_not(
