@@ -329,15 +329,16 @@ def measure_equation_10() -> dict[str, Numbers]:
     rows = printed_rows()
     A_rps = np.linspace(0, rows["theoretical"].max(), 1000)
     by_equation = equation_10(rows["theoretical"].to_numpy())
+    small, large = rows.iloc[[0, -1]].to_dict("records")
     return {
         "monotone": {
             "slope": np.gradient(equation_10(A_rps), A_rps).min(),
             "miss_rad": np.abs(by_equation - rows["delta_rad"]).max(),
         },
         "encoder_step": {"step_rad": encoder_step_rad()},
-        "error_rad_small": rows[["error_rad", "delta_rad"]].iloc[0].to_dict(),
-        "error_rad_large": rows[["error_rad", "delta_rad"]].iloc[-1].to_dict()
-        | {"share": rows["error_rad"].iloc[-1] / published.criterion("error_rad_large")},
+        "error_rad_small": small,
+        "error_rad_large": large
+        | {"share": large["error_rad"] / published.criterion("error_rad_large")},
     }
 
 
@@ -441,8 +442,7 @@ def measure_noise_proportional() -> Numbers:
     """How far the ratio of Table 2's printed noise to its theoretical A varies."""
     rows = printed_rows()
     ratio = rows["noise"] / rows["theoretical"]
-    factor = ratio.max() / ratio.min()
-    return {"first": ratio.iloc[0], "last": ratio.iloc[-1], "factor": factor}
+    return {"first": ratio.iloc[0], "last": ratio.iloc[-1], "factor": ratio.max() / ratio.min()}
 
 
 # ------------------------------------------------------------------------------------------ noise, public files

@@ -19,7 +19,7 @@ from scipy import stats
 
 from replication import published
 from replication.signature import FloatArray
-from replication.table2 import DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
+from replication.table2 import DRAWN_STARTS, NOISE_ROW, ROWS, SETTINGS, STARTS, WHOLE
 from studies.claims import Numbers, span
 from studies.intervals import prediction_interval
 
@@ -54,22 +54,25 @@ def count_inside(printed: FloatArray, ours: FloatArray) -> float:
 Tables = dict[str, FloatArray]
 
 
-def _name_numbers(means: FloatArray, sds: FloatArray) -> Tables:
-    ratios = means / published.column("Table 2", "theoretical")[: len(ROWS), None]
-    return {"means": ratios, "SDs": sds, "SDs of rows 1 to 9": sds[:9]}
-
-
 def printed_table() -> Tables:
     """Table 2 as it is printed: N is 1."""
-    columns = (published.column("Table 2", name) for name in ("mean", "sd"))
-    return _name_numbers(*(column[: len(ROWS), None] for column in columns))
+    table = DataFrame({"row": [*ROWS, NOISE_ROW], "protocol": "printed", "realisation": 1})
+    for name in ("mean", "sd"):
+        table[f"{name}_A_rps"] = published.column("Table 2", name)
+    return arrange_tables(table)
 
 
 def arrange_tables(realisations: DataFrame) -> Tables:
     """Arrange the rows of `realisations.read_realisations` as whole tables."""
     of_rows = realisations[realisations["row"].isin(ROWS)]
     wide = of_rows.pivot(index="row", columns=["protocol", "realisation"])
-    return _name_numbers(wide["mean_A_rps"].to_numpy(), wide["sd_A_rps"].to_numpy())
+    theoretical = published.column("Table 2", "theoretical")[: len(ROWS), None]
+    sds = wide["sd_A_rps"].to_numpy()
+    return {
+        "means": wide["mean_A_rps"].to_numpy() / theoretical,
+        "SDs": sds,
+        "SDs of rows 1 to 9": sds[:9],
+    }
 
 
 def squared_logs(numbers: FloatArray) -> FloatArray:
