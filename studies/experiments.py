@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.random import default_rng
 from pandas import DataFrame
 from scipy import stats
 
@@ -39,7 +40,7 @@ def amplitudes_without_backlash(seeds: Iterable[int], noise_rps: float) -> Float
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
     speed = constant_speed()
     fits = Parallel(n_jobs=-1)(
-        delayed(fit)(add_noise(speed, noise_rps, np.random.default_rng(seed)), NOTEBOOK, seed)
+        delayed(fit)(add_noise(speed, noise_rps, default_rng(seed)), NOTEBOOK, seed)
         for seed in seeds
     )
     return np.array([each.amplitude_rps for each in fits])
@@ -84,7 +85,7 @@ def measure_error(delta_rad: float, turns: int, noise: int) -> dict[str, float]:
     turn = round(record.turn_period_s / record.sample_s)
     length = turns * turn + 1
     part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
-    rng = np.random.default_rng((turns, round(1e7 * delta_rad), noise))
+    rng = default_rng((turns, round(1e7 * delta_rad), noise))
     settings = replace(NOTEBOOK, timing=Timing(n=turns))
     quiet, noisy = (
         best_fit(each, settings).amplitude_rps
@@ -125,7 +126,7 @@ def bits_study(
     joint: Joint, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
 ) -> DataFrame:
     """Change of A by an encoder's bits against a fine one, a row for each backlash, bits, and angle of mounting."""
-    angles = np.random.default_rng(1).uniform(0, TURN, offsets)
+    angles = default_rng(1).uniform(0, TURN, offsets)
     rows = []
     for delta in deltas_rad:
         run = simulate(joint, delta, 12 * joint.turn_period)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from itertools import count, product
 from operator import attrgetter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from pandas import DataFrame
@@ -196,11 +196,9 @@ DETERMINISTIC["DIRECT"] = "classical", _rectangles
 DETERMINISTIC["grid and simplex descents, A and v_t solved"] = "prepared", _grid_then_simplex
 SEARCH_METHODS = RANDOM | DETERMINISTIC
 
-Job: TypeAlias = tuple[str, int, int, int]  # method, realisation, level, seed
 
-
-def planned_runs() -> list[Job]:
-    """Every run of the comparison. A deterministic method gets more records."""
+def planned_runs() -> list[tuple[str, int, int, int]]:
+    """Method, realisation, level and seed of every run. A deterministic method gets more records."""
     jobs = [*product(RANDOM, [1], SEARCHED_LEVELS, range(1, RUNS_PER_RECORD + 1))]
     for method in DETERMINISTIC:
         is_dear = "fifty" in method or method == "DIRECT"

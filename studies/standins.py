@@ -127,14 +127,13 @@ def fit_logs(cases: Sequence[tuple[Bench, float]], seed: int) -> DataFrame:
 
 
 def search_logs(
-    element: str, logs: Sequence[tuple[dict[str, Any], Recording]], repeats: int
+    element: str, keys: list[str], logs: Sequence[tuple[Any, Recording]], repeats: int
 ) -> DataFrame:
     """The paper's search on each log, again and again: a row as `table2.summarise_runs` has it, with printed numbers.
 
-    The mean is of |A|. What says which log it is has its `theoretical_A_rps`, too.
+    The mean is of |A|. What says which log it is, by `keys`, has its `theoretical_A_rps`, too.
     """
     runs = repeated_fits(logs, NOTEBOOK, range(1, repeats + 1))
-    keys = [name for name in logs[0][0] if name != "theoretical_A_rps"]
     table = summarise_runs(runs.assign(A_rps=runs["A_rps"].abs()), keys)
     names = published.cells(element)["column"].unique()
     return table.assign(**{f"printed_{name}": published.column(element, name) for name in names})
@@ -149,7 +148,7 @@ def table3(bench: Bench, deltas: Sequence[float], seed: int, repeats: int) -> Da
         key = {"row": row, "delta_rad": delta, "measure_rad": measure}
         key["theoretical_A_rps"] = characteristic.known_amplitude_rps(measure)
         logs.append((key, encoder_log(bench, delta, rng)))
-    table = search_logs("Table 3", logs, repeats)
+    table = search_logs("Table 3", ["row", "delta_rad", "measure_rad"], logs, repeats)
     return table.rename(columns={"theoretical_A_rps": "known_A_rps"})
 
 
@@ -181,5 +180,5 @@ def table4(robots: Sequence[tuple[Bench, float]], seed: int, repeats: int) -> Da
     for number, (robot, (bench, delta)) in enumerate(zip("AB", robots, strict=True)):
         key = {"robot": robot, "delta_rad": delta, "theoretical_A_rps": np.nan}
         logs.append((key, encoder_log(bench, delta, default_rng((seed, number)))))
-    table = search_logs("Table 4", logs, repeats)
+    table = search_logs("Table 4", ["robot", "delta_rad"], logs, repeats)
     return table.drop(columns=["theoretical_A_rps", "relative_error_percent"])

@@ -132,9 +132,9 @@ def summarise(rows: DataFrame) -> DataFrame:
     off.columns = ["best_percent", "mean_percent", "in_best_percent"]
     measured = rows[[*OF_SEARCH, "table", "best_share"]].join(off)
     measured["their_best_percent"] = off["best_percent"].where(off["in_best_percent"].notna())
-    of_tables = measured.groupby([*OF_SEARCH, "table"], sort=False).mean().reset_index("table")
+    of_tables = measured.groupby([*OF_SEARCH, "table"], sort=False).mean().droplevel("table")
     groups = of_tables.groupby(OF_SEARCH, sort=False)
-    condensed = groups.mean().drop(columns="table")
+    condensed = groups.mean()
     condensed.insert(0, "tables", groups.size())
     condensed["lowest_percent"] = groups["mean_percent"].min()
     condensed["highest_percent"] = groups["mean_percent"].max()
