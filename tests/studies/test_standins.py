@@ -30,6 +30,12 @@ def test_tables_3_and_4_are_made_as_they_are_kept_but_for_the_number_of_runs():
         assert (made["best_rmse_rps"] > 0.99 * kept["best_rmse_rps"]).all()  # of 30 runs
 
 
+def test_a_clean_record_is_the_motors_true_speed():
+    record = standins.clean_record(JOINT, DELTA, turns=2)
+    np.testing.assert_allclose(record.v, simulate(JOINT, DELTA, 0.8).v, atol=1e-5)
+    assert (record.commanded_speed_rps, record.turn_period_s) == pytest.approx((100, 0.4))
+
+
 def test_a_log_is_its_encoders_position_rounded_down_and_differenced():
     t = 0.01 * np.arange(4)
     log = standins.read_encoder(JOINT, t, np.array([0.29, 0.51, 0.99, 2.0]) * TURN, TURN / 10, "")
