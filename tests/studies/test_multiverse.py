@@ -39,6 +39,15 @@ def test_numbers_inside_are_counted_and_too_few_tables_count_nothing():
     assert np.isnan(evidence.count_inside(printed, ours[:, :38]))
 
 
+def test_squares_and_ranks_are_what_the_report_says():
+    logs = np.arange(5.0)
+    half = np.diff(np.quantile(logs, [0.16, 0.84])) / 2
+    squares = evidence.squared_logs(np.exp([logs]))[0]
+    np.testing.assert_allclose(squares, ((logs - 2) / half) ** 2)
+    p = [0.4, 0.8, 1, 0.8, 0.4]
+    np.testing.assert_allclose(evidence.rank_scores(logs[None])[0], -2 * np.log(p))
+
+
 ALL_SCORES = {**SCORES_OF_MEANS, **SCORES_OF_SDS}
 
 

@@ -55,7 +55,11 @@ CASES = {
 
 @pytest.mark.parametrize(("changed", "verdict"), CASES.values(), ids=CASES)
 def test_each_criterion_can_refute_the_sentence(changed, verdict):
-    numbers = starts.describe(starts.summarise(make_rows(AS_FOUND | changed)))
+    summary = starts.summarise(make_rows(AS_FOUND | changed))
+    assert (summary["highest_percent"] - summary["lowest_percent"]).tolist() == pytest.approx(
+        [2] * 6
+    )
+    numbers = starts.describe(summary)
     assert numbers["search_misses"] is verdict
     says = {
         True: "So it is the search that fails, and not the start.",
