@@ -5,13 +5,12 @@ Rules and limits stand in `claims.csv`.
 """
 
 import string
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
-from pandas import DataFrame
+from pandas import DataFrame, Series
 from scipy import stats
 
 from replication import published
@@ -27,7 +26,7 @@ from replication.records import Recording, authors_checksums
 from replication.signature import FloatArray
 from replication.table2 import SETTINGS, basin_labels
 
-Numbers = Mapping[str, Any]  # by name; "rows", a list of such, where the words name several
+Numbers = Mapping[str, Any]  # by name; "rows", a table of such, where the words name several
 
 
 class Claim(NamedTuple):
@@ -187,11 +186,10 @@ class _Scaling(string.Formatter):
 
 def write_words(claim: str, numbers: Numbers) -> str:
     """Write what was measured of a claim."""
-    words = _Scaling()
-    rows = [words.format(CLAIMS[claim].row, **row) for row in numbers.get("rows", ())]
-    return words.format(
-        CLAIMS[claim].words, **{**numbers, "rows": CLAIMS[claim].between.join(rows)}
-    )
+    write, form = _Scaling().format, CLAIMS[claim]
+    of_rows = DataFrame(numbers.get("rows", ())).to_dict("records")
+    rows = form.between.join(write(form.row, **of_row) for of_row in of_rows)
+    return write(form.words, **{**numbers, "rows": rows})
 
 
 def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
@@ -203,13 +201,12 @@ def write_all(measured: Mapping[str, Numbers]) -> dict[str, Measured]:
     return written
 
 
-def find_ends(numbers: Iterable[float]) -> dict[str, float]:
+def find_ends(numbers: Collection[float]) -> dict[str, float]:
     """The smallest and the largest of some numbers, by the names that most claims compare."""
-    ordered = sorted(numbers)
-    return {"low": ordered[0], "high": ordered[-1]}
+    return {"low": min(numbers), "high": max(numbers)}
 
 
-def span(numbers: pd.Series, form: str) -> str:
+def span(numbers: Series, form: str) -> str:
     """Write the first and the last of some numbers: "0.1 to 0.3"; once, where they look alike."""
     return " to ".join(dict.fromkeys(format(number, form) for number in numbers))
 
@@ -274,11 +271,12 @@ def measure_records(records: Mapping[float, Recording]) -> DataFrame:
 
 def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
     """Two impacts a turn, half a turn apart, of one amplitude that grows with the backlash: from `measure_records`."""
-    steps = {
-        "peak of the samples": records["peak_rps"].diff().min(),
-        "RMS": records["rms_rps"].diff().min(),
-        "printed A": np.diff(printed_rows()["theoretical"]).min(),
-    }
+    steps = [
+        ("peak of the samples", records["peak_rps"].diff().min()),
+        ("RMS", records["rms_rps"].diff().min()),
+        ("printed A", printed_rows()["theoretical"].diff().min()),
+    ]
+    rows = DataFrame(steps, columns=["name", "step_rps"])
     alternates = records["alternates"]
     return {
         "two_impacts": {
@@ -287,8 +285,7 @@ def measure_disturbance(records: DataFrame) -> dict[str, Numbers]:
             "records": len(records),
         },
         "half_turn": find_ends(records["mismatch"]),
-        "amplitude_grows": find_ends(steps.values())
-        | {"rows": [{"name": name, "step_rps": step} for name, step in steps.items()]},
+        "amplitude_grows": {**find_ends(rows["step_rps"]), "rows": rows},
         "same_amplitude": {
             "settled": records["rms_spread"].max(),
             "whole": records["rms_spread_whole"].max(),
@@ -318,7 +315,7 @@ def measure_dead_zone(joint: Joint) -> dict[str, Numbers]:
         "stiffness_zero_inside": {
             **find_ends(gaps["in_middle"]),
             "at_edge": gaps["at_edge"].min(),
-            "rows": [{"alpha": alpha, **find_ends(middle)} for alpha, middle in by_alpha],
+            "rows": by_alpha.agg(low="min", high="max").reset_index(),
         },
         "no_discontinuity": find_ends(gaps["jump_nm"]),
     }
@@ -332,15 +329,16 @@ def measure_equation_10() -> dict[str, Numbers]:
     rows = printed_rows()
     A_rps = np.linspace(0, rows["theoretical"].max(), 1000)
     by_equation = equation_10(rows["theoretical"].to_numpy())
+    small, large = rows.iloc[[0, -1]].to_dict("records")
     return {
         "monotone": {
             "slope": np.gradient(equation_10(A_rps), A_rps).min(),
             "miss_rad": np.abs(by_equation - rows["delta_rad"]).max(),
         },
         "encoder_step": {"step_rad": encoder_step_rad()},
-        "error_rad_small": rows[["error_rad", "delta_rad"]].iloc[0].to_dict(),
-        "error_rad_large": rows[["error_rad", "delta_rad"]].iloc[-1].to_dict()
-        | {"share": rows["error_rad"].iloc[-1] / published.criterion("error_rad_large")},
+        "error_rad_small": small,
+        "error_rad_large": large
+        | {"share": large["error_rad"] / published.criterion("error_rad_large")},
     }
 
 
@@ -392,7 +390,7 @@ def measure_our_errors(means: DataFrame) -> Numbers:
         "share": of_tables.mean(),
         "tables": len(means),
         "limit": limit,
-        "rows": [{"row": row, "share": share} for row, share in worst.items()],
+        "rows": worst.rename("share").reset_index(),
         "public": above.drop(columns=1).any(axis=1).mean(),
     }
 
@@ -408,17 +406,17 @@ def measure_quality(means: DataFrame) -> Numbers:
     rows = printed_rows()
     errors = np.abs(equation_10(means) - rows["delta_rad"].to_numpy())
     percent = relative_error_percent(means, rows["theoretical"]).to_numpy()
-    pairs = pd.Series(
+    pairs = Series(
         {
             (earlier, later): np.mean(errors[:, later - 1] > errors[:, earlier - 1])
             for earlier, later in product(rows.index[:END_ROWS], rows.index[-END_ROWS:])
         }
     )
-    ends = DataFrame([pairs.idxmin(), pairs.idxmax()], columns=["earlier", "later"])
+    ends = pairs.loc[[pairs.idxmin(), pairs.idxmax()]].rename_axis(["earlier", "later"])
     return {
         **find_ends(pairs),
         "tables": len(means),
-        "rows": ends.assign(share=[pairs.min(), pairs.max()]).to_dict("records"),
+        "rows": ends.reset_index(name="share"),
         "first": rows.index[0],
         "last": rows.index[-1],
         "in_percent": np.mean(percent[:, -1] > percent[:, 0]),
@@ -436,7 +434,7 @@ def measure_local_minima(realisations: DataFrame) -> Numbers:
         **find_ends([*shares, in_best.mean()]),
         "stored_best": in_best.sum(),
         "stored": in_best.size,
-        "rows": shares.rename("share").reset_index().to_dict("records"),
+        "rows": shares.rename("share").reset_index(),
     }
 
 
@@ -444,8 +442,7 @@ def measure_noise_proportional() -> Numbers:
     """How far the ratio of Table 2's printed noise to its theoretical A varies."""
     rows = printed_rows()
     ratio = rows["noise"] / rows["theoretical"]
-    factor = ratio.max() / ratio.min()
-    return {"first": ratio.iloc[0], "last": ratio.iloc[-1], "factor": factor}
+    return {"first": ratio.iloc[0], "last": ratio.iloc[-1], "factor": ratio.max() / ratio.min()}
 
 
 # ------------------------------------------------------------------------------------------ noise, public files
@@ -482,10 +479,10 @@ def measure_no_backlash(amplitude_rps: FloatArray, smallest_A_rps: float) -> Num
 
 
 def measure_turns(errors: DataFrame) -> Numbers:
-    """The RMS error of the longest records over that of the shortest, from `experiments.noise_errors_by_turns`."""
+    """The RMS error of the longest records over that of the shortest, from `experiments.measure_error`."""
     squares = (errors["error_rps"] ** 2).groupby([errors["delta_rad"], errors["turns"]])
     rms = np.sqrt(squares.mean()).unstack()
-    few, many = rms.columns.min(), rms.columns.max()
+    few, many = rms.columns
     ratios = rms[many] / rms[few]
     noises = squares.size().min()
     # F's own quantiles at 0.025 and 0.975 are inverses.
@@ -497,7 +494,7 @@ def measure_turns(errors: DataFrame) -> Numbers:
         "many": many,
         "factor": factor,
         "noises": noises,
-        "rows": [{"ratio": ratio} for ratio in ratios],
+        "rows": ratios.to_frame("ratio"),
     }
 
 
@@ -563,7 +560,7 @@ def measure_swarms(compared: DataFrame) -> Numbers:
         "p_better": len(compared) * compared["p_cma_better"].max(),
         "p_worse": len(compared) * compared["p_swarm_better"].min(),
         "rate": compared["rate_cma"].iloc[0],
-        "rows": compared.to_dict("records"),
+        "rows": compared,
     }
 
 
@@ -571,11 +568,11 @@ def measure_classical(table: DataFrame, kind: str) -> Numbers:
     """How often classical methods of a kind, "classical" or "prepared", succeed, from `optimizers.success_table`."""
     classical = table[table["kind"] == kind]
     low, high = classical[["rate_low", "rate_high"]].max()
-    return {"low": low, "high": high, "rows": classical.to_dict("records")}
+    return {"low": low, "high": high, "rows": classical}
 
 
 def measure_tuning(table: DataFrame) -> Numbers:
     """How often CMA-ES succeeds with its own settings, from `optimizers.success_table`."""
     untuned = table[table["method"].str.startswith("CMA-ES, its own population")]
     ends = {"low": untuned["rate_low"].min(), "high": untuned["rate_high"].max()}
-    return ends | {"rows": untuned.to_dict("records")}
+    return ends | {"rows": untuned}

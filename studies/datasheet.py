@@ -5,12 +5,10 @@ page notebooks/datasheet.md.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.random import Generator
 from pandas import DataFrame, MultiIndex, concat
 from scipy.stats import binomtest
@@ -112,15 +110,10 @@ TOLD = ("stiffness_per_s2", "damping_ratio", "friction_share", "loss")
 POPULATIONS = TURNS | WIDE | FAULTS | STROKES
 
 
-def measure_all(populations: Iterable[str] = POPULATIONS) -> DataFrame:
-    """Ask the sensor about every population, or some, a row a log."""
-    return measure_each(measure_log, {name: POPULATIONS[name].logs for name in populations})
-
-
-def measure_each(measure: Callable[[str, int], object], logs: Mapping[str, int]) -> DataFrame:
-    """Measure so many logs of each population, a row a log."""
-    calls = [(name, number) for name in logs for number in range(logs[name])]
-    return DataFrame(Parallel(n_jobs=-1)(delayed(measure)(*call) for call in calls))
+def measure_population(population: str) -> DataFrame:
+    """Ask the sensor about each log of a population: a row of the datasheet."""
+    logs = range(POPULATIONS[population].logs)
+    return summarise(DataFrame(measure_log(population, number) for number in logs))
 
 
 def measure_log(population: str, number: int) -> dict[str, object]:

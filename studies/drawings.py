@@ -6,12 +6,12 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from pandas import DataFrame
 
 from replication import published
 from replication.characteristic import printed_rows
@@ -40,7 +40,7 @@ from studies.claims import Numbers, margin, write_all
 
 
 @in_style
-def draw_table2(rows: pd.DataFrame) -> Figure:
+def draw_table2(rows: DataFrame) -> Figure:
     """Table 2: printed means and SDs, ours with their intervals, and the theoretical A.
 
     `rows` has a row for each of the eleven of the table, by its number: `mean, mean_ours, mean_low, mean_high` and
@@ -70,7 +70,7 @@ def draw_table2(rows: pd.DataFrame) -> Figure:
     return finish(figure, 2)
 
 
-def _printed_and_ours(axis: Axes, rows: pd.DataFrame, of: str) -> None:
+def _printed_and_ours(axis: Axes, rows: DataFrame, of: str) -> None:
     """Draw an interval as a bar with our number as a line across it, and the printed one as a cross."""
     printed, low, high = (rows[name] for name in (of, f"{of}_low", f"{of}_high"))
     axis.use_sticky_edges = False  # an interval that ends at the frame would look cut
@@ -95,8 +95,7 @@ def draw_detection(
     and of the excessive that are detected.
     """
     figure, upper, lower = stack(2, 5.4, sharex=False)
-    ends = np.concatenate(list(A_rps.values()))
-    bins = np.linspace(0, 1.02 * ends.max(), 25)
+    bins = np.linspace(0, 1.02 * max(map(np.max, A_rps.values())), 25)
     # Filled and framed: a hatch is not drawn by every renderer of SVG.
     looks = {"color": SKY, "alpha": 0.6}, {"edgecolor": VERMILION, "fill": False, "linewidth": 1.6}
     for kind, look in zip(A_rps, looks, strict=True):
@@ -119,7 +118,7 @@ P_LEVELS = (0.05, 0.01, 0.001)
 
 
 @in_style
-def draw_multiverse(choices: pd.DataFrame, why: Mapping[str, str]) -> Figure:
+def draw_multiverse(choices: DataFrame, why: Mapping[str, str]) -> Figure:
     """Table 2 as a whole in all choices: start and settings downwards, numbers and score across, a p in each cell.
 
     `choices` are those of `multiverse.make_multiverse`; `why` says, by start and by the first word of settings, why
@@ -145,7 +144,7 @@ def draw_multiverse(choices: pd.DataFrame, why: Mapping[str, str]) -> Figure:
     return figure
 
 
-def _draw_cells(axis: Axes, choices: pd.DataFrame) -> None:
+def _draw_cells(axis: Axes, choices: DataFrame) -> None:
     """Draw settings downwards and scores across, a cell each, shaded by its p."""
     scores = (choices["numbers"] + ", " + choices["score"]).unique()
     labels = (choices["settings"] + choices["tables"].map(" ({})".format)).unique()

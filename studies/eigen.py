@@ -1,4 +1,4 @@
-"""Eigenvectors of a small symmetric matrix, with the signs of LAPACK's `dsyev` before 3.10.
+"""Eigenvectors of a small covariance matrix, with the signs of LAPACK's `dsyev` before 3.10.
 
 An eigenvector's sign is free, and a search that draws its samples along eigenvectors is another one
 if a sign flips. LAPACK's own choice changed with its plane rotation (3.10); here the old rotation
@@ -16,36 +16,18 @@ TINY = 2.0**-1022  # smallest normal number
 
 
 def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues of a symmetric matrix, ascending, and its eigenvectors in columns."""
+    """Eigenvalues of a positive definite matrix, ascending, and its eigenvectors in columns."""
     tridiagonal, vectors = hessenberg(matrix, calc_q=True)
-    values = tridiagonal.diagonal().copy()
-    make_diagonal(values, tridiagonal.diagonal(-1).copy(), vectors)
-    order = np.argsort(values, kind="stable")
-    return values[order], np.take(vectors, order, axis=1)
+    d, e = tridiagonal.diagonal().copy(), tridiagonal.diagonal(-1).copy()
+    way = -1 if d[-1] < d[0] else 1  # from the end where d is smaller
+    diagonalise(d[::way], e[::way], vectors.T[::way], way)
+    order = np.argsort(d, kind="stable")
+    return d[order], np.take(vectors, order, axis=1)
 
 
 @njit
-def make_diagonal(d, e, vectors):
-    """Bring a tridiagonal matrix with d on and e beside its diagonal to diagonal form in place.
-
-    One block without zeros beside the diagonal at a time, from that of its ends where d is smaller.
-    """
-    first = 0
-    while first < d.size:
-        last = first
-        while last < e.size:
-            if abs(e[last]) <= np.sqrt(abs(d[last])) * np.sqrt(abs(d[last + 1])) * EPSILON:
-                break
-            last += 1
-        way = -1 if abs(d[last]) < abs(d[first]) else 1
-        block = vectors[:, first : last + 1]
-        diagonalise(d[first : last + 1][::way], e[first:last][::way], block[:, ::way], way)
-        first = last + 1
-
-
-@njit
-def diagonalise(d, e, vectors, way):
-    """Bring a block to diagonal form from its start; `way` is -1 if it is turned round."""
+def diagonalise(d, e, rows, way):
+    """Bring a matrix with d on and e beside its diagonal to diagonal form; `way` is -1 if it is turned round."""
     start = 0
     while start < d.size:
         m = start
@@ -58,10 +40,10 @@ def diagonalise(d, e, vectors, way):
         elif m == start + 1:
             low, high = (start, m) if way > 0 else (m, start)
             d[low], d[high], c, s = two_by_two(d[low], e[start], d[high])
-            turn_columns(vectors, low, high, c, s)
+            turn_rows(rows, low, high, c, s)
             start += 2
         else:
-            sweep(d, e, vectors, start, m)
+            sweep(d, e, rows, start, m)
 
 
 @njit
@@ -72,7 +54,7 @@ def length(x, y):
 
 
 @njit
-def sweep(d, e, vectors, start, end):
+def sweep(d, e, rows, start, end):
     """One implicit QL sweep by Wilkinson's shift from `end` to `start`."""
     p = d[start]
     g = (d[start + 1] - p) / (2 * e[start])
@@ -89,7 +71,7 @@ def sweep(d, e, vectors, start, end):
         p = s * r
         d[i + 1] = g + p
         g = c * r - b
-        turn_columns(vectors, i + 1, i, c, s)
+        turn_rows(rows, i + 1, i, c, s)
     d[start] -= p
     e[start] = g
 
@@ -112,14 +94,12 @@ def plane_rotation(f, g):
 
 @njit
 def two_by_two(a, b, c):
-    """Eigenvalues of [[a, b], [b, c]], the larger in size first; cosine, sine of its vector."""
-    total, difference = a + c, a - c
+    """Eigenvalues of [[a, b], [b, c]], positive definite, the larger first; cosine, sine of its vector."""
+    difference = a - c
     root = length(difference, 2 * b)
-    sign, side = np.copysign(1.0, total), np.copysign(1.0, difference)
-    first = 0.5 * (total + sign * root)
-    large, small = (a, c) if abs(a) > abs(c) else (c, a)
-    second = large / first * small - b / first * b
-    cs = difference + side * root
+    first = 0.5 * (a + c + root)
+    second = max(a, c) / first * min(a, c) - b / first * b
+    cs = difference + np.copysign(root, difference)
     if abs(cs) > abs(2 * b):
         t = -2 * b / cs
         sine = 1 / np.sqrt(1 + t * t)
@@ -128,13 +108,10 @@ def two_by_two(a, b, c):
         t = -cs / (2 * b)
         cosine = 1 / np.sqrt(1 + t * t)
         sine = t * cosine
-    return (first, second, -sine, cosine) if side == sign else (first, second, cosine, sine)
+    return (first, second, -sine, cosine) if difference >= 0 else (first, second, cosine, sine)
 
 
 @njit
-def turn_columns(vectors, i, j, c, s):
-    """Apply a plane rotation to two columns."""
-    for k in range(vectors.shape[0]):
-        x, y = vectors[k, i], vectors[k, j]
-        vectors[k, i] = c * x + s * y
-        vectors[k, j] = c * y - s * x
+def turn_rows(rows, i, j, c, s):
+    """Apply a plane rotation to two rows."""
+    rows[i], rows[j] = c * rows[i] + s * rows[j], c * rows[j] - s * rows[i]

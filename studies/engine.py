@@ -18,7 +18,7 @@ from replication.compilation import njit
 from replication.joint import GRAVITY, Joint, identified_joint, simulate
 from replication.published import Measured
 from replication.signature import TURN, FloatArray
-from studies.datasheet import ask_sensor, describe_answer, measure_each, summarise
+from studies.datasheet import ask_sensor, describe_answer, summarise
 from studies.simulated_joints import JointLog, draw_strokes, path_from
 
 SEED = 520617
@@ -380,9 +380,10 @@ def measure_log(population: str, number: int) -> dict[str, object]:
     return row
 
 
-def measure_all() -> DataFrame:
-    """The paper's joint at each step, then what the sensor says of each log, a row a log."""
-    return measure_each(measure_log, {TWIN: len(TWIN_STEPS_S)} | LOGS)
+def planned_logs() -> list[tuple[str, int]]:
+    """The paper's joint at each step, then every log: population and number."""
+    numbers = {TWIN: len(TWIN_STEPS_S)} | LOGS
+    return [(name, number) for name in numbers for number in range(numbers[name])]
 
 
 def compare_arms(rows: DataFrame) -> DataFrame:

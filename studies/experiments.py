@@ -6,16 +6,16 @@ from itertools import product
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.random import default_rng
 from pandas import DataFrame
 from scipy import stats
 
-from replication import table2
 from replication.best_fit import best_fit
 from replication.characteristic import printed_rows
 from replication.joint import Joint, Run, change, identified_joint, settled_peak, simulate
-from replication.records import Recording, add_noise, constant_speed
+from replication.records import add_noise, constant_speed
 from replication.signature import TURN, FloatArray, Timing
-from replication.table2 import NOTEBOOK, Fit
+from replication.table2 import NOTEBOOK, fit
 from studies.standins import Bench, clean_record, fit_logs, read_encoder
 
 FINE_BITS = 40  # of an encoder without steps
@@ -38,12 +38,11 @@ def noise_tests(noises: Iterable[FloatArray]) -> DataFrame:
 
 def amplitudes_without_backlash(seeds: Iterable[int], noise_rps: float) -> FloatArray:
     """|A| [rps] that one run of the authors' search finds in noise alone, for each noise seed."""
-
-    def fit(seed: int) -> Fit:
-        noise = add_noise(constant_speed(), noise_rps, np.random.default_rng(seed))
-        return table2.fit(noise, NOTEBOOK, seed)
-
-    fits = Parallel(n_jobs=-1)(delayed(fit)(seed) for seed in seeds)
+    speed = constant_speed()
+    fits = Parallel(n_jobs=-1)(
+        delayed(fit)(add_noise(speed, noise_rps, default_rng(seed)), NOTEBOOK, seed)
+        for seed in seeds
+    )
     return np.array([each.amplitude_rps for each in fits])
 
 
@@ -68,35 +67,43 @@ def impact_phases(joint: Joint, deltas_rad: Iterable[float]) -> DataFrame:
 NOISES = 160  # for each number of turns and backlash
 
 
-def noise_errors_by_turns(noises: Sequence[int]) -> DataFrame:
-    """Error that uniform noise makes in A, by the turns of model and record, at Table 2's first, fifth and last row.
+def planned_errors() -> list[tuple[float, int, int]]:
+    """Backlash [rad] of Table 2's first, fifth and last row, turns of model and record, number of the noise."""
+    deltas = printed_rows()["delta_rad"].iloc[[0, 4, 9]]
+    return [*product(deltas, (1, 12), range(1, NOISES + 1))]
 
-    The identified joint's record begins with the third turn; the error is against its own fit without noise. A row a
-    noise, whose number and what it is added to fix it.
+
+def measure_error(delta_rad: float, turns: int, noise: int) -> dict[str, float]:
+    """Error that a row's uniform noise makes in A, by the turns of model and record: a row of `noise_by_turns.csv`.
+
+    The identified joint's record begins with the third turn; the error is against its own fit without noise. The
+    noise's number and what it is added to fix it.
     """
-    rows = []
-    for (_, printed), turns in product(printed_rows().iloc[[0, 4, 9]].iterrows(), (1, 12)):
-        delta = printed["delta_rad"]
-        record = clean_record(identified_joint(), delta, 14)
-        turn = round(record.turn_period_s / record.sample_s)
-        length = turns * turn + 1
-        part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
-        streams = [np.random.default_rng((turns, round(1e7 * delta), k)) for k in noises]
-        parts = [part, *(add_noise(part, printed["noise"], rng) for rng in streams)]
-        settings = replace(NOTEBOOK, timing=Timing(n=turns))
-        fits = Parallel(n_jobs=-1)(delayed(best_fit)(each, settings) for each in parts)
-        quiet, *noisy = (fit.amplitude_rps for fit in fits)
-        rows += [(delta, turns, k, A - quiet) for k, A in zip(noises, noisy, strict=True)]
-    return DataFrame(rows, columns=["delta_rad", "turns", "noise", "error_rps"])
+    rows = printed_rows()
+    printed = rows.loc[(rows["delta_rad"] - delta_rad).abs().idxmin()]
+    record = clean_record(identified_joint(), printed["delta_rad"], 14)
+    turn = round(record.turn_period_s / record.sample_s)
+    length = turns * turn + 1
+    part = replace(record, t=record.t[:length], v=record.v[2 * turn : 2 * turn + length])
+    rng = default_rng((turns, round(1e7 * delta_rad), noise))
+    settings = replace(NOTEBOOK, timing=Timing(n=turns))
+    quiet, noisy = (
+        best_fit(each, settings).amplitude_rps
+        for each in (part, add_noise(part, printed["noise"], rng))
+    )
+    return {"delta_rad": delta_rad, "turns": turns, "noise": noise, "error_rps": noisy - quiet}
+
+
+LOGS = 4  # for each friction
 
 
 def friction_study(joint: Joint, shares: Sequence[float], delta_rad: float = 1e-3) -> DataFrame:
     """Mean A of best fits to four logs without noise, by Coulomb friction on the load over m g r, and its change."""
-    benches = [Bench(joint._replace(load_coulomb=share * joint.G), 0.0) for share in (0.0, *shares)]
-    fits = fit_logs([(bench, delta_rad) for bench in benches for _ in range(4)], seed=1)
-    A = fits["A_rps"].to_numpy().reshape(-1, 4).mean(axis=1)
-    table = DataFrame({"friction": (0.0, *shares), "A_rps": A})
-    return table.assign(change_percent=100 * (A / A[0] - 1))
+    table = DataFrame({"friction": (0.0, *shares)})
+    rubbing = (joint._replace(load_coulomb=share * joint.G) for share in table["friction"])
+    cases = [(Bench(each, 0.0), delta_rad) for each in rubbing for _ in range(LOGS)]
+    A = fit_logs(cases, seed=1)["A_rps"].to_numpy().reshape(-1, LOGS).mean(axis=1)
+    return table.assign(A_rps=A, change_percent=100 * (A / A[0] - 1))
 
 
 def peak_change_percent(joint: Joint, factors: Mapping[str, float], delta_rad: float) -> float:
@@ -108,23 +115,23 @@ def peak_change_percent(joint: Joint, factors: Mapping[str, float], delta_rad: f
     return 100 * abs(after / before - 1)
 
 
-def encoder_record(joint: Joint, run: Run, bits: int, offset_rad: float) -> Recording:
-    """Record speeds differenced from a run's positions by an encoder that is turned by an offset."""
+def read_amplitude(joint: Joint, run: Run, bits: int, offset_rad: float) -> float:
+    """A [rps] of the best fit to a run's positions by an encoder that is turned by an offset."""
     source = f"simulated joint, {bits}-bit encoder"
-    return read_encoder(joint, run.t, run.theta_m + offset_rad, TURN / 2**bits, source)
+    angle = run.theta_m + offset_rad
+    return best_fit(read_encoder(joint, run.t, angle, TURN / 2**bits, source)).amplitude_rps
 
 
 def bits_study(
     joint: Joint, deltas_rad: Sequence[float], bits: Sequence[int], offsets: int
 ) -> DataFrame:
-    """Largest change of A by an encoder's bits, mounted at several angles, against a fine one."""
-    angles = np.random.default_rng(1).uniform(0, TURN, offsets)
+    """Change of A by an encoder's bits against a fine one, a row for each backlash, bits, and angle of mounting."""
+    angles = default_rng(1).uniform(0, TURN, offsets)
     rows = []
     for delta in deltas_rad:
         run = simulate(joint, delta, 12 * joint.turn_period)
-        fine = best_fit(encoder_record(joint, run, FINE_BITS, 0.0)).amplitude_rps
-        for each in bits:
-            fits = [best_fit(encoder_record(joint, run, each, angle)) for angle in angles]
-            change = max(abs(fit.amplitude_rps - fine) for fit in fits)
+        fine = read_amplitude(joint, run, FINE_BITS, 0.0)
+        for each, angle in product(bits, angles):
+            change = abs(read_amplitude(joint, run, each, angle) - fine)
             rows.append((each, delta, change))
     return DataFrame(rows, columns=["bits", "delta_rad", "change_rps"])

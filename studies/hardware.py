@@ -159,13 +159,8 @@ def fit_rigid_load(log: JointLog) -> dict[str, float]:
     }
 
 
-def measure_all() -> pd.DataFrame:
-    """What the sensor says of every log."""
-    return pd.DataFrame(map(measure_log, list_logs().index))
-
-
 def measure_log(log: str) -> dict[str, Any]:
-    """What the sensor says of a log, by its name: a row of `measure_all`."""
+    """What the sensor says of a log, by its name."""
     row = list_logs().loc[log]
     told = answer(load_log(row), row)
     return {"log": log, "verdict": told.verdict, "reason": told.reason}

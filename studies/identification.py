@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
+from pandas import DataFrame
 from scipy.optimize import least_squares
 from scipy.special import stdtrit
 
@@ -46,26 +46,23 @@ class Identification(NamedTuple):
 
     joint: Joint
     interval_95: dict[str, list[float]]  # of each ratio, from the linearised least squares
-    correlation: pd.DataFrame  # of the ratios' estimates
+    correlation: DataFrame  # of the ratios' estimates
     nrmse: float  # root of the mean over the levels of the squared normalised RMSE
 
 
-def settled_sd(record: Recording) -> float:
-    """SD of a record's speed after its first turn [rps]: the unit of its errors."""
-    return float(record.v[record.t >= record.turn_period_s - 1e-9].std())
-
-
 def errors_in_turn(joint: Joint, records: Records, turn: int) -> list[FloatArray]:
-    """Simulated less recorded speed in one turn (1: the first) of each record, over the record's `settled_sd`.
+    """Simulated less recorded speed in one turn (1: the first) of each record, in SDs.
 
-    Records are evenly sampled from t = 0 and no shorter than the turn's end. A ValueError: see `joint.simulate`.
+    The SD is that of the record's speed after its first turn. Records are evenly sampled from t = 0 and no shorter than
+    the turn's end. A ValueError: see `joint.simulate`.
     """
     errors = []
     for delta, record in records.items():
         sample = round(record.sample_s, 9)
         start, end = (round(k * joint.turn_period / sample) for k in (turn - 1, turn))
         run = simulate(joint, delta, end * sample, sample, STEP)
-        errors.append((run.v[start:end] - record.v[start:end]) / settled_sd(record))
+        settled = record.v[record.t >= record.turn_period_s - 1e-9]
+        errors.append((run.v[start:end] - record.v[start:end]) / settled.std())
     return errors
 
 
@@ -109,7 +106,7 @@ def identify_joint(records: Records, start: Joint) -> Identification:
     half = stdtrit(degrees, 0.975) * np.sqrt(2 * fit.cost / degrees) * sd
     ends = np.sort(values * [fit.x - half, fit.x + half], axis=0)
     intervals = dict(zip(names, ends.T.tolist(), strict=True))
-    correlation = pd.DataFrame(inverse / np.outer(sd, sd), index=names, columns=names)
+    correlation = DataFrame(inverse / np.outer(sd, sd), index=names, columns=names)
     return Identification(scaled(fit.x), intervals, correlation, np.sqrt(2 * fit.cost / size))
 
 

@@ -5,59 +5,48 @@ them: behaviour decides whether a kept table is still what today's code makes. I
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from difflib import get_close_matches
 from inspect import signature
-from io import BytesIO
 from typing import Any, NamedTuple
 
+from joblib import Parallel, delayed
 from pandas import DataFrame, concat, read_csv
 
 from replication.files import ROOT, UserError, as_csv, write_json, write_kept, write_text
+from replication.table2 import ROWS
 from studies import datasheet, edge, engine, experiments, hardware, optimizers, refusals, starts
-from studies.datasheet import summarise, summarise_engine
+from studies.datasheet import summarise_engine
 from studies.identification import reidentify_joint
-from studies.prediction import run_prediction
-from studies.realisations import make_realisations, realise
+from studies.prediction import predict_row
+from studies.realisations import planned_rows, realise
 
 RESULTS = ROOT / "results"
 
 
 class Kept(NamedTuple):
-    """A table's study, what makes it, and what makes rows of it again, from the columns that its arguments name."""
+    """A table's study, what gives a row of it, or some, and with which arguments, named as its columns, each time."""
 
     study: str
-    make: Callable[[], DataFrame]
-    remake: Callable[..., Any]  # gives a row, or some, among which it is
+    measure: Callable[..., Any]
+    plan: Callable[[], Iterable[tuple[Any, ...]]]
     first: int = 0  # position of the row that each test run makes again
 
 
 KEPT = {
-    "table2_realisations": Kept("realisations", make_realisations, realise),
-    "table2_prediction": Kept("prediction", run_prediction, lambda row: run_prediction([row])),
-    "table2_starts": Kept(
-        "starts", lambda: starts.measure_rows(starts.planned_rows()), starts.measure_row
-    ),
-    # The sharpest edge; at a softer one all sharper ones come before it.
-    "alpha_refit": Kept("claims", edge.refit_alphas, lambda alpha: edge.refit_alphas(alpha)),
-    "noise_by_turns": Kept(
-        "claims",
-        lambda: experiments.noise_errors_by_turns(range(1, experiments.NOISES + 1)),
-        lambda noise: experiments.noise_errors_by_turns([noise]),
-    ),
-    "optimizers": Kept(
-        "claims",
-        lambda: optimizers.run_jobs(optimizers.planned_runs()),
-        optimizers.run_on_authors_record,
-    ),
+    "table2_realisations": Kept("realisations", realise, planned_rows),
+    "table2_prediction": Kept("prediction", predict_row, lambda: zip(ROWS)),
+    "table2_starts": Kept("starts", starts.measure_row, starts.planned_rows),
+    # The sharpest edge is made again; at a softer one all sharper ones come before it.
+    "alpha_refit": Kept("claims", edge.refit_alphas, lambda: [edge.ALPHAS[-1:]]),
+    "noise_by_turns": Kept("claims", experiments.measure_error, experiments.planned_errors),
+    "optimizers": Kept("claims", optimizers.run_on_authors_record, optimizers.planned_runs),
     "datasheet": Kept(
-        "datasheet",
-        lambda: summarise(datasheet.measure_all()),
-        lambda population: summarise(datasheet.measure_all([population])),
-        -1,
+        "datasheet", datasheet.measure_population, lambda: zip(datasheet.POPULATIONS), -1
     ),
-    "hardware": Kept("hardware", hardware.measure_all, hardware.measure_log),
-    "refusals": Kept("refusals", refusals.measure_all, refusals.measure_all),
-    "engine": Kept("engine", engine.measure_all, engine.measure_log, 3),
+    "hardware": Kept("hardware", hardware.measure_log, lambda: zip(hardware.list_logs().index)),
+    "refusals": Kept("refusals", refusals.measure_all, lambda: [()]),
+    "engine": Kept("engine", engine.measure_log, engine.planned_logs, 3),
 }
 STUDIES = sorted({"identify-joint", *(kept.study for kept in KEPT.values())})
 TIMED = ("peers", "notebook_times")  # seconds, of a day and a machine, by `make bench`
@@ -71,29 +60,31 @@ def write_study(study: str) -> None:
         write_json(ROOT / "replication" / "data" / "joint.json", reidentify_joint())
     for name, kept in KEPT.items():
         if kept.study == study:
-            write_kept(RESULTS / f"{name}.csv", kept.make())
+            made = Parallel(n_jobs=-1)(delayed(kept.measure)(*each) for each in kept.plan())
+            write_kept(RESULTS / f"{name}.csv", concat(map(as_frame, made)))
     if study in ("datasheet", "engine"):
         sheet, rows = (read_csv(RESULTS / f"{name}.csv") for name in ("datasheet", "engine"))
         page = datasheet.write_page(sheet, summarise_engine(rows))
         write_text(ROOT / "notebooks" / "datasheet.md", page)
 
 
-def remake(name: str, positions: list[int]) -> bytes:
-    """Make rows of a kept table again, as CSV: of each row that is made the one that is most like the kept one."""
-    table = read_csv(RESULTS / f"{name}.csv").astype(object)
-    function = KEPT[name].remake
-    arguments = table.columns.intersection([*signature(function).parameters])
-    rows = []
+def as_frame(made: Any) -> DataFrame:
+    """The rows that a measurement gives, a dict each, or one, or already a frame."""
+    return DataFrame([made] if isinstance(made, dict) else made)
+
+
+def remake(name: str, positions: list[int]) -> Iterator[str]:
+    """Make rows of a kept table again, as lines: of the rows that are made the one that is most like the kept one."""
+    file = RESULTS / f"{name}.csv"
+    table = read_csv(file).astype(object)
+    measure = KEPT[name].measure
+    arguments = table[table.columns.intersection([*signature(measure).parameters])]
+    head, *kept = file.read_text("utf-8").splitlines()
+    yield head
     for position in positions:
-        made = function(**table.loc[table.index[position], arguments].to_dict())
-        frame = DataFrame([made] if isinstance(made, dict) else made)
-        again, kept = (
-            read_csv(BytesIO(as_csv(each)), dtype=str, na_filter=False)
-            for each in (frame.reindex(columns=table.columns), table.iloc[[position]])
-        )
-        most_like = (again == kept.loc[0]).sum(axis=1).idxmax()
-        rows.append(again.loc[[most_like]])
-    return as_csv(concat(rows))
+        made = as_frame(measure(**arguments.iloc[position].to_dict()))
+        lines = as_csv(made.reindex(columns=table.columns)).decode().splitlines()
+        yield from get_close_matches(kept[position], lines[1:], 1, 0.0)
 
 
 if __name__ == "__main__":
@@ -102,4 +93,4 @@ if __name__ == "__main__":
         if name in TIMED:
             sys.exit("times of a day and a machine")
         positions = positions or str(KEPT[name].first)
-        sys.stdout.buffer.write(remake(name, [*map(int, positions.split(","))]))
+        print(*remake(name, [*map(int, positions.split(","))]), sep="\n")

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
+from pandas import DataFrame
 from scipy import stats
 
 from replication import published
 from replication.signature import FloatArray
-from replication.table2 import DRAWN_STARTS, ROWS, SETTINGS, STARTS, WHOLE
+from replication.table2 import DRAWN_STARTS, NOISE_ROW, ROWS, SETTINGS, STARTS, WHOLE
 from studies.claims import Numbers, span
 from studies.intervals import prediction_interval
 
@@ -27,6 +27,7 @@ DRAWS = 20_000  # tables recombined for a p
 LEVEL = 0.05
 TOGETHER = "together"  # all settings of a start
 INSIDE = "in interval"
+PROTOCOLS = (*SETTINGS, *DRAWN_STARTS)
 # Why a start, or settings, may be those of Table 2.
 WHY = {
     WHOLE: "as the authors' notebook begins",
@@ -53,22 +54,25 @@ def count_inside(printed: FloatArray, ours: FloatArray) -> float:
 Tables = dict[str, FloatArray]
 
 
-def _name_numbers(means: FloatArray, sds: FloatArray) -> Tables:
-    ratios = means / published.column("Table 2", "theoretical")[: len(ROWS), None]
-    return {"means": ratios, "SDs": sds, "SDs of rows 1 to 9": sds[:9]}
-
-
 def printed_table() -> Tables:
     """Table 2 as it is printed: N is 1."""
-    columns = (published.column("Table 2", name) for name in ("mean", "sd"))
-    return _name_numbers(*(column[: len(ROWS), None] for column in columns))
+    table = DataFrame({"row": [*ROWS, NOISE_ROW], "protocol": "printed", "realisation": 1})
+    for name in ("mean", "sd"):
+        table[f"{name}_A_rps"] = published.column("Table 2", name)
+    return arrange_tables(table)
 
 
-def arrange_tables(realisations: pd.DataFrame) -> Tables:
+def arrange_tables(realisations: DataFrame) -> Tables:
     """Arrange the rows of `realisations.read_realisations` as whole tables."""
     of_rows = realisations[realisations["row"].isin(ROWS)]
     wide = of_rows.pivot(index="row", columns=["protocol", "realisation"])
-    return _name_numbers(wide["mean_A_rps"].to_numpy(), wide["sd_A_rps"].to_numpy())
+    theoretical = published.column("Table 2", "theoretical")[: len(ROWS), None]
+    sds = wide["sd_A_rps"].to_numpy()
+    return {
+        "means": wide["mean_A_rps"].to_numpy() / theoretical,
+        "SDs": sds,
+        "SDs of rows 1 to 9": sds[:9],
+    }
 
 
 def squared_logs(numbers: FloatArray) -> FloatArray:
@@ -124,16 +128,16 @@ def p_values(score: Score, numbers: FloatArray, by_rows: bool) -> FloatArray:
 # --------------------------------------------------------------------------------------------------- the multiverse
 
 
-def split_protocols(realisations: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
+def split_protocols(realisations: DataFrame) -> Iterator[tuple[str, str, DataFrame]]:
     """Yield start, settings and their realisations: of each start all settings together, then one by one."""
-    for start in STARTS:
-        alone = [each for each in (*SETTINGS, *DRAWN_STARTS) if each.start == start]
-        for settings, parts in [(TOGETHER, alone), *((each.name, [each]) for each in alone)]:
-            protocols = [each.protocol for each in parts]
+    for start, ending in STARTS.items():
+        alone = {each.name: [each.protocol] for each in PROTOCOLS if each.start == start}
+        together = [name + ending for name in alone]
+        for settings, protocols in ({TOGETHER: together} | alone).items():
             yield start, settings, realisations[realisations["protocol"].isin(protocols)]
 
 
-def make_multiverse(realisations: pd.DataFrame) -> pd.DataFrame:
+def make_multiverse(realisations: DataFrame) -> DataFrame:
     """Test the printed table against ours in all choices of start, settings, numbers and score.
 
     Parameters
@@ -166,7 +170,7 @@ def make_multiverse(realisations: pd.DataFrame) -> pd.DataFrame:
                     "false_alarms": np.mean(p_values(score, ours, by_rows) < LEVEL),
                 }
                 rows.append(key | tested)
-    return pd.DataFrame(rows)
+    return DataFrame(rows)
 
 
 # --------------------------------------------------------------------------------------------------- what it says
@@ -179,22 +183,20 @@ class Rejections(NamedTuple):
     rejected: int
 
 
-def count_rejections(multiverse: pd.DataFrame, start: str, numbers: str) -> Rejections:
+def count_rejections(multiverse: DataFrame, start: str, numbers: str) -> Rejections:
     """Count what rejects means or SDs under a start, of the tests that have tables enough to reject."""
     of_start = (multiverse["start"] == start) & (multiverse["numbers"] == numbers)
     p = multiverse.loc[of_start & (multiverse["least_p"] < LEVEL), "p"]
     return Rejections(p.size, int((p < LEVEL).sum()))
 
 
-def name_exclusions(multiverse: pd.DataFrame, start: str, limit: float) -> str:
+def name_exclusions(multiverse: DataFrame, start: str, limit: float) -> str:
     """Say which scores exclude a start under all its settings: "the means' largest error, the SDs' ranks".
 
     They do where the largest p, of the tests that have tables enough for the limit, is below it.
     """
-    tests = multiverse[
-        multiverse["numbers"].isin(["means", "SDs"]) & (multiverse["start"] == start)
-    ]
-    tests = tests[tests["score"] != INSIDE]
+    tests = multiverse[multiverse["start"] == start].dropna(subset="p")
+    tests = tests[tests["numbers"].isin(["means", "SDs"])]
     enough = tests["p"].where(tests["least_p"] < limit)
     p = enough.groupby([tests["numbers"], tests["score"]], sort=False).max()
     excluding = p.index[p < limit].to_frame(index=False)
@@ -214,7 +216,7 @@ READINGS = {
 }
 
 
-def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria = None) -> Numbers:
+def measure_random_start(multiverse: DataFrame, criteria: published.Criteria = None) -> Numbers:
     """Whether the search begins at a random sample, whichever way the text is read, by p of the mean deviation.
 
     Compared are the largest p of the whole record and of a drawn start, and nothing where both are excluded.
@@ -224,8 +226,9 @@ def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria 
     by_start = alone[alone["score"] == MEAN_DEVIATION].groupby("start")["p"]
     p = by_start.agg(["min", "max"])
     settings = by_start.size()
-    whole_p, drawn_p = p.loc[WHOLE, "max"], p.loc[[*READINGS], "max"].max()
-    both_excluded = max(whole_p, drawn_p) < limit
+    compared = {"whole_p": p.loc[WHOLE, "max"], "drawn_p": p.loc[[*READINGS], "max"].max()}
+    if max(compared.values()) < limit:
+        compared = dict.fromkeys(compared, np.nan)
     rows = [
         {
             "reading": reading,
@@ -236,8 +239,7 @@ def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria 
         for start, reading in READINGS.items()
     ]
     return {
-        "whole_p": np.nan if both_excluded else whole_p,
-        "drawn_p": np.nan if both_excluded else drawn_p,
+        **compared,
         "p_of_whole": span(p.loc[WHOLE], ".1g"),
         "whole_settings": settings[WHOLE],
         "drawn_settings": settings[[*READINGS]].max(),
@@ -245,7 +247,7 @@ def measure_random_start(multiverse: pd.DataFrame, criteria: published.Criteria 
     }
 
 
-def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
+def compare_starts(realisations: DataFrame) -> DataFrame:
     """What our tables with each start say of the printed one, by one measure under the settings that all starts have.
 
     Returns
@@ -257,16 +259,13 @@ def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
         deviate as the printed ones or less.
     """
     printed = printed_table()
-    names = {settings.name for settings in DRAWN_STARTS}
     rows = {}
-    for start in STARTS:
-        parts = [
-            part
-            for of, settings, part in split_protocols(realisations)
-            if of == start and settings in names
-        ]
-        ours = arrange_tables(pd.concat(parts))
-        off = [deviation_percent(arrange_tables(part)).mean() for part in parts]
+    for start, ending in STARTS.items():
+        protocols = {settings.name + ending for settings in DRAWN_STARTS}
+        of_start = realisations[realisations["protocol"].isin(protocols)]
+        ours = arrange_tables(of_start)
+        parts = [arrange_tables(part) for _, part in of_start.groupby("protocol")]
+        off = [deviation_percent(part).mean() for part in parts]
         rows[start] = {
             "tables": ours["means"].shape[1],
             "settings": len(parts),
@@ -277,10 +276,10 @@ def compare_starts(realisations: pd.DataFrame) -> pd.DataFrame:
             "largest_percent": max(off),
             "reaching": int((deviation_percent(ours) >= deviation_percent(printed)).sum()),
         }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("start")
+    return DataFrame.from_dict(rows, orient="index").rename_axis("start")
 
 
-def describe_intervals(rows: pd.DataFrame) -> dict[str, dict[str, Any]]:
+def describe_intervals(rows: DataFrame) -> dict[str, dict[str, Any]]:
     """How Table 2's means and SDs lie in our intervals.
 
     `rows` have `mean, mean_ours, mean_low, mean_high` and the same of `sd`, by number: `agree`, how many of `all`;
@@ -322,7 +321,7 @@ def write_p(p: float, least: float = 0.0) -> str:
     return "below 0.001" if p < 0.001 else f"{bound}{p:.2g}"
 
 
-def describe_multiverse(realisations: pd.DataFrame, multiverse: pd.DataFrame) -> dict[str, Any]:
+def describe_multiverse(realisations: DataFrame, multiverse: DataFrame) -> dict[str, Any]:
     """What the report says of Table 2 as a whole, from the kept realisations and `make_multiverse` of them.
 
     `starts` are `compare_starts`; `whole` our tables with the whole record under all settings; `rejections` counts

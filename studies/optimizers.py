@@ -7,14 +7,13 @@ best basin, have spent the budget, or know no more.
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from itertools import count, product
 from operator import attrgetter
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from pandas import DataFrame
 from scipy import optimize, stats
 
@@ -173,10 +172,6 @@ def _least_squares(cost: Cost, start: FloatArray) -> None:
     optimize.least_squares(cost.residuals, start, bounds=(0, 1))
 
 
-def _minimize(cost: Cost, start: FloatArray, method: str) -> None:
-    optimize.minimize(cost, start, method=method, bounds=[(0, 1)] * start.size)
-
-
 # By name, what kind each is and how it searches.
 RANDOM: dict[str, tuple[str, Method]] = {
     "CMA-ES, population 300": ("CMA-ES", partial(_covariance, population=POPULATION)),
@@ -192,7 +187,7 @@ RANDOM["least squares, restarted"] = "classical", partial(_restarted, descend=_l
 # They run once on each of the fifty public records of low noise.
 DETERMINISTIC: dict[str, tuple[str, Method]] = {}
 for name in ("L-BFGS-B", "Nelder-Mead"):
-    descend: Descent = partial(_minimize, method=name)
+    descend: Descent = partial(optimize.minimize, method=name, bounds=optimize.Bounds(0, 1))
     RANDOM[f"{name}, restarted"] = "classical", partial(_restarted, descend=descend)
     for starts, number in (("one start", 1), ("fifty starts along t0", 50)):
         search_from = partial(_from_grid, descend=descend, starts=number)
@@ -201,11 +196,9 @@ DETERMINISTIC["DIRECT"] = "classical", _rectangles
 DETERMINISTIC["grid and simplex descents, A and v_t solved"] = "prepared", _grid_then_simplex
 SEARCH_METHODS = RANDOM | DETERMINISTIC
 
-Job: TypeAlias = tuple[str, int, int, int]  # method, realisation, level, seed
 
-
-def planned_runs() -> list[Job]:
-    """Every run of the comparison. A deterministic method gets more records."""
+def planned_runs() -> list[tuple[str, int, int, int]]:
+    """Method, realisation, level and seed of every run. A deterministic method gets more records."""
     jobs = [*product(RANDOM, [1], SEARCHED_LEVELS, range(1, RUNS_PER_RECORD + 1))]
     for method in DETERMINISTIC:
         is_dear = "fifty" in method or method == "DIRECT"
@@ -213,13 +206,8 @@ def planned_runs() -> list[Job]:
     return jobs
 
 
-def run_jobs(jobs: Sequence[Job]) -> DataFrame:
-    """Run methods on the authors' records, a row a run: what `results/optimizers.csv` holds."""
-    return DataFrame(Parallel(n_jobs=-1)(delayed(run_on_authors_record)(*job) for job in jobs))
-
-
 def run_on_authors_record(method: str, realisation: int, level: int, seed: int) -> dict:
-    """Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
+    """A row of `results/optimizers.csv`. Found is the best basin: within `BASIN_GAP` of the best fit's misfit."""
     recording = load_noisy(level, realisation)
     best = best_fit(recording).rmse
     kind, run = SEARCH_METHODS[method]

@@ -7,14 +7,13 @@ to 8, and the SDs between 0.0015 and 0.0025 rps in rows 1, 2 and 7. It holds if 
 and the outcome is kept whichever way it fell.
 """
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
+from pandas import DataFrame, Series
 
 from replication import published
-from replication.table2 import ROWS, RPM_600, repeated_fits, table2, table2_records
+from replication.table2 import RPM_600, repeated_fits, table2, table2_records
 
 SEED = 20261124
 RUNS = 300
@@ -23,22 +22,22 @@ MEANS = range(1, 9)  # rows
 SDS = (1, 2, 7)  # rows
 
 
-def run_prediction(rows: Collection[int] = ROWS) -> pd.DataFrame:
-    """The runs of the prediction, condensed to a row for each of Table 2's rows, or of some."""
+def predict_row(row: int) -> DataFrame:
+    """The runs of the prediction on one of Table 2's rows, condensed to a row."""
     part = slice(LAST_SAMPLE + 1)
     records = [
         (key, replace(record, t=record.t[part], v=record.v[part]))
         for key, record in table2_records([1])
-        if key["row"] in rows
+        if key["row"] == row
     ]
     seeds = 1 + np.random.SeedSequence(SEED).generate_state(RUNS) // 2
     return table2(repeated_fits(records, RPM_600, seeds.tolist()))
 
 
-def count_met(table: pd.DataFrame) -> tuple[int, int]:
-    """How many of the eight means and of the three SDs are as predicted, from `run_prediction`."""
+def count_met(table: DataFrame) -> tuple[int, int]:
+    """How many of the eight means and of the three SDs are as predicted, from the rows of `predict_row`."""
     of_row = table.set_index("row")
-    printed = pd.Series(published.column("Table 2", "mean"), range(1, 12))
+    printed = Series(published.column("Table 2", "mean"), range(1, 12))
     off = (of_row["mean_A_rps"] / printed - 1).abs()
     return int((off[MEANS] < 0.01).sum()), int(
         of_row["sd_A_rps"][list(SDS)].between(0.0015, 0.0025).sum()

@@ -4,14 +4,13 @@
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from joblib import Parallel, delayed
+from numpy.random import Generator, default_rng
+from pandas import DataFrame, read_csv
 
 from replication import published
-from replication.files import ROOT, check_kept, write_kept
+from replication.files import ROOT, check_kept
 from replication.records import Recording, add_noise, constant_speed, load_clean, simulate_clean
 from replication.table2 import (
     DRAWN_STARTS,
@@ -39,17 +38,17 @@ def from_sample(recording: Recording, start: int) -> Recording:
     return replace(recording, t=recording.t[start:] - recording.t[start], v=recording.v[start:])
 
 
-def draw_starts(settings: SearchSettings, realisation: int, rng: np.random.Generator) -> np.ndarray:
+def draw_starts(settings: SearchSettings, realisation: int, rng: Generator) -> np.ndarray:
     """Draw the first samples of a row's thirty fits, for each fit, row or table; shape (30,)."""
     if settings.start == WHOLE:
         return np.zeros(RUNS, int)
     if settings.start == "per table":  # whose rows share a stream
-        rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation))
+        rng = default_rng((STUDY_SEED, *settings.protocol.encode(), realisation))
     drawn = rng.integers(FIRST_SAMPLES, size=RUNS if settings.start == "per fit" else 1)
     return np.broadcast_to(drawn, RUNS)
 
 
-def draw_record(row: int, rng: np.random.Generator) -> Recording:
+def draw_record(row: int, rng: Generator) -> Recording:
     """A row's clean record with a noise of the printed amplitude.
 
     Row 1's clean record is not public, so our joint's takes its place.
@@ -66,7 +65,7 @@ def noisy_records(
     settings: SearchSettings, row: int, realisation: int
 ) -> list[tuple[Recording, int]]:
     """Draw a noise, and of each of a row's thirty fits the record and the seed; no other settings have the same."""
-    rng = np.random.default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
+    rng = default_rng((STUDY_SEED, *settings.protocol.encode(), realisation, row))
     record = draw_record(row, rng)
     starts = draw_starts(settings, realisation, rng)
     seeds = rng.integers(1, 2**31, RUNS)
@@ -91,28 +90,18 @@ def realise(protocol: str, row: int, realisation: int) -> dict[str, object]:
     }
 
 
-def read_realisations(path: Path = REALISATIONS) -> pd.DataFrame:
+def read_realisations() -> DataFrame:
     """The realisations that are kept: the rows of `realise`."""
-    check_kept(path)
-    return pd.read_csv(path)
+    check_kept(REALISATIONS)
+    return read_csv(REALISATIONS)
 
 
-def plan_realisation(realisation: int) -> list[tuple[str, int, int]]:
-    """List the protocols and rows of one realisation, as `realise` takes them."""
+def planned_rows() -> list[tuple[str, int, int]]:
+    """List protocols, rows and realisations, as `realise` takes them."""
     return [
         (protocol, row, realisation)
+        for realisation in range(1, NUMBER + 1)
         for protocol, settings in PROTOCOLS.items()
         for row in (*ROWS, NOISE_ROW)
         if row in ROWS or (settings.start == WHOLE and realisation <= NOISE_ROWS)
     ]
-
-
-def make_realisations(path: Path = REALISATIONS, number: int = NUMBER) -> pd.DataFrame:
-    """Make Table 2 again so many times under each setting, into a table that grows; it resumes if interrupted."""
-    rows = pd.read_csv(path).to_dict("records") if path.exists() else []
-    made = {row["realisation"] for row in rows}
-    for realisation in sorted({*range(1, number + 1)} - made):
-        plan = plan_realisation(realisation)
-        rows += Parallel(n_jobs=-1)(delayed(realise)(*each) for each in plan)
-        write_kept(path, pd.DataFrame(rows))
-    return pd.DataFrame(rows)

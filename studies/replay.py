@@ -2,7 +2,7 @@
 
 from itertools import islice, tee
 
-import pandas as pd
+from pandas import DataFrame
 
 from replication import cmaes, misfit, published
 from replication.records import Recording
@@ -13,7 +13,7 @@ from studies.eigen import symmetric_eigen
 AGREE_RPS = 1e-9
 
 
-def replay_stored_runs(recording: Recording) -> pd.DataFrame:
+def replay_stored_runs(recording: Recording) -> DataFrame:
     """Run the authors' search with every stored seed on their clean record 12, with the eigensolver of 2021.
 
     Returns
@@ -29,10 +29,10 @@ def replay_stored_runs(recording: Recording) -> pd.DataFrame:
         watched, steps = tee(steps)
         last = cmaes.search(steps, NOTEBOOK.iterations).generations
         rows += [(run, each.state.g + 1, each.misfits.min()) for each in islice(watched, last)]
-    return pd.DataFrame(rows, columns=["run", "generation", "ours_rps"])
+    return DataFrame(rows, columns=["run", "generation", "ours_rps"])
 
 
-def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
+def compare_generations(ours: DataFrame) -> DataFrame:
     """Compare the generations that the notebook prints with ours; nan after the end of our run."""
     names = {"best_rmse_of_generation_rps": "stored_rps"}
     stored = published.table("authors_notebook_generations").rename(columns=names)
@@ -41,11 +41,11 @@ def compare_generations(ours: pd.DataFrame) -> pd.DataFrame:
     return table.assign(difference_rps=(table["ours_rps"] - table["stored_rps"]).abs())
 
 
-def compare_ends(ours: pd.DataFrame) -> pd.DataFrame:
+def compare_ends(ours: DataFrame) -> DataFrame:
     """Compare how the stored runs end with how ours do, a row a run."""
     stored = published.table("authors_notebook_runs").set_index("run")
     of_runs = ours.groupby("run")["ours_rps"]
-    table = pd.DataFrame({"stored_rps": stored["final_rmse_rps"], "ours_rps": of_runs.min()})
+    table = DataFrame({"stored_rps": stored["final_rmse_rps"], "ours_rps": of_runs.min()})
     table["difference_rps"] = (table["ours_rps"] - table["stored_rps"]).abs()
     table["stored_generations"] = stored["iterations"]
     return table.assign(our_generations=of_runs.size()).reset_index()

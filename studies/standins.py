@@ -5,13 +5,14 @@ encoder; a plant robot is axis 4 of an arm whose other joints shake it. The pape
 our assumption, and what these logs give tests nothing.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 from joblib import Parallel, delayed
+from numpy.random import Generator, default_rng
+from pandas import DataFrame
 
 from replication import characteristic, published
 from replication.best_fit import best_fit
@@ -57,7 +58,7 @@ def transmission_error(joint: Joint, order: float, phase: float, error_rad: floa
     return Wave(order, phase, on_load=-joint.J_l * error_rad * (order * joint.Omega) ** 2)
 
 
-def draw_bench(rng: np.random.Generator, spread: Spread | None = None) -> Bench:
+def draw_bench(rng: Generator, spread: Spread | None = None) -> Bench:
     """Draw a bench: its drive sees the encoder's 19 bits, and it has turned once when its log begins."""
     spread = spread or Spread()
     factors = np.exp(spread.ratios * rng.standard_normal(len(VARIED_RATIOS)))
@@ -102,7 +103,7 @@ def read_encoder(
     return Recording(t[:-1], v, joint.Omega / TURN, joint.turn_period, source)
 
 
-def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recording:
+def encoder_log(bench: Bench, delta: float, rng: Generator) -> Recording:
     """Run a bench for twelve turns from a random angle, and log its encoder's position, differenced, with noise."""
     joint = bench.joint._replace(start_angle=float(rng.uniform(0, TURN)))
     run = simulate(joint, delta, TURNS * joint.turn_period)
@@ -114,37 +115,41 @@ def encoder_log(bench: Bench, delta: float, rng: np.random.Generator) -> Recordi
 # -------------------------------------------------------------------------------------------- many logs
 
 
-def fit_logs(cases: Iterable[tuple[Bench, float]], seed: int) -> pd.DataFrame:
+def fit_logs(cases: Sequence[tuple[Bench, float]], seed: int) -> DataFrame:
     """Log each bench with a backlash and find A of the best fit of the signature, on all cores; a row a log."""
-
-    def fit_log(number: int, bench: Bench, delta: float) -> tuple[float, float]:
-        record = encoder_log(bench, delta, np.random.default_rng((seed, number)))
-        return delta, best_fit(record).amplitude_rps
-
-    rows = Parallel(n_jobs=-1)(delayed(fit_log)(k, *case) for k, case in enumerate(cases))
-    return pd.DataFrame(rows, columns=["delta_rad", "A_rps"])
+    logs = (encoder_log(*case, default_rng((seed, k))) for k, case in enumerate(cases))
+    fits = Parallel(n_jobs=-1)(delayed(best_fit)(log) for log in logs)
+    deltas = [delta for _, delta in cases]
+    return DataFrame({"delta_rad": deltas, "A_rps": [fit.amplitude_rps for fit in fits]})
 
 
 # -------------------------------------------------------------------------------------- Tables 3 and 4
 
 
-def table3(bench: Bench, deltas: Sequence[float], seed: int, repeats: int) -> pd.DataFrame:
-    """Make Table 3 of a bench: a log and a static measure at each backlash [rad], the paper's search on the log.
+def search_logs(
+    element: str, keys: list[str], logs: Sequence[tuple[Any, Recording]], repeats: int
+) -> DataFrame:
+    """The paper's search on each log, again and again: a row as `table2.summarise_runs` has it, with printed numbers.
 
-    The known A is that of the measure. Columns as `table2.summarise_runs` has them, printed ones beside.
+    The mean is of |A|. What says which log it is, by `keys`, has its `theoretical_A_rps`, too.
     """
-    rng = np.random.default_rng(seed)
-    records = []
+    runs = repeated_fits(logs, NOTEBOOK, range(1, repeats + 1))
+    table = summarise_runs(runs.assign(A_rps=runs["A_rps"].abs()), keys)
+    names = published.cells(element)["column"].unique()
+    return table.assign(**{f"printed_{name}": published.column(element, name) for name in names})
+
+
+def table3(bench: Bench, deltas: Sequence[float], seed: int, repeats: int) -> DataFrame:
+    """Make Table 3 of a bench: a log and a static measure, whose A is the known one, at each backlash [rad]."""
+    rng = default_rng(seed)
+    logs = []
     for row, delta in enumerate(deltas, start=1):
         measure = delta + rng.normal(0.0, DIAL_GAUGE_RAD)
         key = {"row": row, "delta_rad": delta, "measure_rad": measure}
         key["theoretical_A_rps"] = characteristic.known_amplitude_rps(measure)
-        records.append((key, encoder_log(bench, delta, rng)))
-    runs = repeated_fits(records, NOTEBOOK, range(1, repeats + 1))
-    table = summarise_runs(runs, ["row", "delta_rad", "measure_rad"])
-    names = ("known", "mean", "sd", "relative_error")
-    printed = {f"printed_{name}": published.column("Table 3", name) for name in names}
-    return table.rename(columns={"theoretical_A_rps": "known_A_rps"}).assign(**printed)
+        logs.append((key, encoder_log(bench, delta, rng)))
+    table = search_logs("Table 3", ["row", "delta_rad", "measure_rad"], logs, repeats)
+    return table.rename(columns={"theoretical_A_rps": "known_A_rps"})
 
 
 # Backlash [rad] of the two kinds of robots, between limits.
@@ -154,7 +159,7 @@ COUPLINGS = 3  # vibrations of the other joints that reach the axis as torques o
 COUPLING_HZ = (2.5, 40.0)
 
 
-def draw_robot(rng: np.random.Generator, kind: str, coupling: float = 0.03) -> tuple[Bench, float]:
+def draw_robot(rng: Generator, kind: str, coupling: float = 0.03) -> tuple[Bench, float]:
     """Draw the axis 4 of a robot of a kind of `ROBOTS`, and its backlash [rad].
 
     `coupling` is the largest torque of each coupling, over the axis's own largest torque of gravity.
@@ -169,14 +174,11 @@ def draw_robot(rng: np.random.Generator, kind: str, coupling: float = 0.03) -> t
     return bench._replace(joint=joint._replace(waves=(*joint.waves, *waves))), delta
 
 
-def table4(robots: Sequence[tuple[Bench, float]], seed: int, repeats: int) -> pd.DataFrame:
-    """Make Table 4 of two robots, a healthy A and an excessive B: a log each, |A| by the paper's search."""
-    records = []
+def table4(robots: Sequence[tuple[Bench, float]], seed: int, repeats: int) -> DataFrame:
+    """Make Table 4 of two robots, a healthy A and an excessive B: a log each."""
+    logs = []
     for number, (robot, (bench, delta)) in enumerate(zip("AB", robots, strict=True)):
         key = {"robot": robot, "delta_rad": delta, "theoretical_A_rps": np.nan}
-        records.append((key, encoder_log(bench, delta, np.random.default_rng((seed, number)))))
-    runs = repeated_fits(records, NOTEBOOK, range(1, repeats + 1))
-    runs = runs.assign(A_rps=runs["A_rps"].abs())
-    table = summarise_runs(runs, ["robot", "delta_rad"])
-    printed = {f"printed_{name}": published.column("Table 4", name) for name in ("mean", "sd")}
-    return table.drop(columns=["theoretical_A_rps", "relative_error_percent"]).assign(**printed)
+        logs.append((key, encoder_log(bench, delta, default_rng((seed, number)))))
+    table = search_logs("Table 4", ["robot", "delta_rad"], logs, repeats)
+    return table.drop(columns=["theoretical_A_rps", "relative_error_percent"])

@@ -17,14 +17,12 @@ A best minimum is that of `best_fit`, or of a run where that is lower. Restarts:
 searches, which spend what one of a fivefold population does. All searches on a row have the same noise and start.
 """
 
-from collections.abc import Iterable
 from dataclasses import replace
 from itertools import chain, product
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from pandas import DataFrame
 
 from replication import published
@@ -65,32 +63,21 @@ def draw_row(noise: str, table: int, start: str, row: int) -> tuple[Recording, i
     return from_sample(record, first_sample), first_sample, seeds
 
 
-def search_row(
-    record: Recording, settings: SearchSettings, seeds: np.ndarray, others: bool
-) -> dict[str, list[Fit]]:
-    """Thirty fits by one search each, and if asked for by the others, by the name of the search."""
+def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> list[dict]:
+    """What the searches find on one row, by one search each and, on our own noises, by the others: a row for each."""
+    usual = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
+    record, first_sample, seeds = draw_row(noise, table, start, row)
 
-    def fit_with(settings: SearchSettings, seeds: np.ndarray) -> list[Fit]:
+    def fit_each(settings: SearchSettings, seeds: np.ndarray) -> list[Fit]:
         return [fit(record, settings, int(seed)) for seed in seeds]
 
-    single = fit_with(settings, seeds[:, 0])
-    if not others:
-        return {SINGLE: single}
-    more = [fit_with(settings, of_run[1:]) for of_run in seeds]
-    larger = {
-        f"population {population}": fit_with(replace(settings, population=population), seeds[:, 0])
-        for population in LARGER
-    }
-    restarts = [min(first, *rest, key=BY_RMSE) for first, rest in zip(single, more, strict=True)]
-    return {SINGLE: single, RESTARTS: restarts, **larger}
-
-
-def measure_row(noise: str, settings: str, table: int, start: str, row: int) -> list[dict]:
-    """What the searches find on one row: a row of the kept table for each."""
-    search_settings = {each.name: each for each in (NOTEBOOK, RPM_600)}[settings]
-    record, first_sample, seeds = draw_row(noise, table, start, row)
-    fits = search_row(record, search_settings, seeds, others=noise == OWN)
-    best = best_fit(record, search_settings)
+    fits = {SINGLE: fit_each(usual, seeds[:, 0])}
+    if noise == OWN:
+        fits[RESTARTS] = [min(fit_each(usual, of_run), key=BY_RMSE) for of_run in seeds]
+        for population in LARGER:
+            larger = replace(usual, population=population)
+            fits[f"population {population}"] = fit_each(larger, seeds[:, 0])
+    best = best_fit(record, usual)
     lowest = min(chain(*fits.values()), key=BY_RMSE)
     if lowest.rmse * (1 + BASIN_GAP) < best.rmse:
         best = lowest
@@ -126,11 +113,6 @@ def planned_rows() -> list[tuple[str, str, int, str, int]]:
     ]
 
 
-def measure_rows(plan: Iterable[tuple[str, str, int, str, int]]) -> DataFrame:
-    """The kept table of what is planned."""
-    return DataFrame(chain(*Parallel(n_jobs=-1)(delayed(measure_row)(*each) for each in plan)))
-
-
 # ------------------------------------------------------------------------------------------------ what it says
 
 OF_SEARCH = ["noise", "settings", "start", "search"]
@@ -150,9 +132,9 @@ def summarise(rows: DataFrame) -> DataFrame:
     off.columns = ["best_percent", "mean_percent", "in_best_percent"]
     measured = rows[[*OF_SEARCH, "table", "best_share"]].join(off)
     measured["their_best_percent"] = off["best_percent"].where(off["in_best_percent"].notna())
-    of_tables = measured.groupby([*OF_SEARCH, "table"], sort=False).mean().reset_index("table")
+    of_tables = measured.groupby([*OF_SEARCH, "table"], sort=False).mean().droplevel("table")
     groups = of_tables.groupby(OF_SEARCH, sort=False)
-    condensed = groups.mean().drop(columns="table")
+    condensed = groups.mean()
     condensed.insert(0, "tables", groups.size())
     condensed["lowest_percent"] = groups["mean_percent"].min()
     condensed["highest_percent"] = groups["mean_percent"].max()

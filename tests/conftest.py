@@ -90,19 +90,3 @@ def record_12(authors_data):
     from replication.records import load_clean
 
     return load_clean(12)
-
-
-@pytest.fixture
-def print_number(monkeypatch):
-    """Print other numbers in cells, one after the other; each call returns the table with all of them."""
-    from replication import published
-
-    printed = published.cells()
-
-    def give(cell, value):
-        printed.loc[cell, "value"] = value
-        elements = {None: printed} | dict([*printed.groupby("element", sort=False)])
-        monkeypatch.setattr(published, "cells", lambda element=None: elements[element])
-        return printed
-
-    return give

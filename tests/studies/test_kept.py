@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from replication.compilation import pinned_environment
 from replication.files import KEPT_SHA256, ROOT, UserError, check_kept, write_kept
+from studies import kept
 from studies.kept import KEPT, TIMED
 from workbook.project import notebook_sources
 from workbook.stamps import list_made
@@ -24,6 +26,8 @@ TOGETHER = [name for name in KEPT if name not in ALONE]
 # What a table's rows are made from, where it is not the authors' files: a variable that names a folder.
 FOLDERS = {"hardware": "HARDWARE_LOGS"}
 OF_REPORT = {"verdicts", "claims"}
+# A call gives several rows that its arguments do not tell apart.
+AT_ONCE = {"alpha_refit", "refusals"}
 
 
 def find_lacking(name):
@@ -43,23 +47,43 @@ def check(rows):
     rows = {name: rows[name] for name in rows if not lacking[name]}
     if not rows:
         pytest.skip(", ".join(sorted({*lacking.values()})))
-    kept = []
+    expected = []
     for name, positions in rows.items():
         head, *lines = (RESULTS / f"{name}.csv").read_text("utf-8").splitlines()
-        kept += [head, *(lines[position] for position in positions)]
+        expected += [head, *(lines[position] for position in positions)]
     arguments = [f"{name}:{','.join(map(str, positions))}" for name, positions in rows.items()]
     command = [sys.executable, "-m", "studies.kept", *arguments]
     pinned = os.environ | pinned_environment()
     ran = subprocess.run(command, cwd=ROOT, env=pinned, stdout=subprocess.PIPE, check=True)
     again = " and ".join({f"make studies NAME={KEPT[name].study}" for name in rows})
-    assert ran.stdout.decode().splitlines() == kept, f"{again} makes the table again"
+    assert ran.stdout.decode().splitlines() == expected, f"{again} makes the table again"
 
 
 def test_every_table_is_made_by_a_notebook_or_the_report_or_kept():
     exports = {file for name in notebook_sources() for file in list_made(name)}
     tables = {f"results/{file.name}" for file in RESULTS.glob("*.csv")}
-    kept = {f"results/{name}.csv" for name in (*KEPT, *TIMED, *OF_REPORT)}
-    assert tables - exports - kept == set()
+    others = {f"results/{name}.csv" for name in (*KEPT, *TIMED, *OF_REPORT)}
+    assert tables - exports - others == set()
+
+
+@pytest.mark.parametrize("name", [name for name in KEPT if name not in AT_ONCE])
+def test_the_rows_of_a_kept_table_are_those_that_its_study_plans(name):
+    planned = pd.DataFrame(KEPT[name].plan(), columns=[*signature(KEPT[name].measure).parameters])
+    table = pd.read_csv(RESULTS / f"{name}.csv")[planned.columns]
+    made = table.drop_duplicates(ignore_index=True)
+    pd.testing.assert_frame_equal(planned, made, check_dtype=False)
+
+
+def test_a_study_writes_the_rows_of_its_plan_and_makes_any_of_them_again(tmp_path, monkeypatch):
+    def measure(a):
+        return [{"a": a, "b": 10 * a + k} for k in (1, 2)]
+
+    made = {"made": kept.Kept("study", measure, lambda: [(1,), (2,)])}
+    for name, value in (("RESULTS", tmp_path), ("STUDIES", ["study"]), ("KEPT", made)):
+        monkeypatch.setattr(kept, name, value)
+    kept.write_study("study")
+    assert (tmp_path / "made.csv").read_text().split() == ["a,b", "1,11", "1,12", "2,21", "2,22"]
+    assert [*kept.remake("made", [3, 0])] == ["a,b", "2,22", "1,11"]
 
 
 def test_every_kept_table_is_as_its_study_wrote_it():

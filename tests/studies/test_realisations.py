@@ -22,31 +22,6 @@ def test_a_row_made_again_is_the_committed_one():
     assert made["best_basin_share"] == pytest.approx(expected["best_basin_share"], abs=1e-6)
 
 
-def test_the_realisations_that_are_kept_are_forty_of_each_row_and_setting():
-    kept = realisations.read_realisations()
-    noise_alone = {(each.protocol, 11): 10 for each in table2.SETTINGS}
-    of_rows = product(realisations.PROTOCOLS, range(1, 11))
-    expected = dict.fromkeys(of_rows, 40) | noise_alone
-    assert kept.groupby(["protocol", "row"]).size().to_dict() == expected
-
-
-def test_realisations_are_added_to_those_that_are_made(monkeypatch, tmp_path):
-    made = []
-
-    def realise(protocol, row, realisation):
-        made.append((protocol, row, realisation))
-        return {"protocol": protocol, "realisation": realisation, "row": row}
-
-    monkeypatch.setattr(realisations, "realise", realise)
-    path = tmp_path / "table.csv"
-    realisations.make_realisations(path, 11)
-    # Row 11 is made ten times with the whole record.
-    assert len(made) == len({*made}) == 14 * 11 * 10 + 8 * 10
-    realisations.make_realisations(path, 12)
-    assert {realisation for *_, realisation in made[1620:]} == {12}
-    assert len(realisations.read_realisations(path)) == len(made) == 1620 + 140
-
-
 @pytest.fixture
 def constant(monkeypatch):
     """A speed in place of the authors' records."""

@@ -32,24 +32,16 @@ def test_tables_3_and_4_are_made_as_they_are_kept_but_for_the_number_of_runs():
 
 def test_a_clean_record_is_the_motors_true_speed():
     record = standins.clean_record(JOINT, DELTA, turns=2)
-    run = simulate(JOINT, DELTA, 0.8)
-    np.testing.assert_allclose(record.v, run.v, atol=1e-5)
-    np.testing.assert_allclose(record.t, run.t, rtol=1e-12)
+    np.testing.assert_allclose(record.v, simulate(JOINT, DELTA, 0.8).v, atol=1e-5)
     assert (record.commanded_speed_rps, record.turn_period_s) == pytest.approx((100, 0.4))
 
 
-def test_a_log_is_its_encoders_position_rounded_down_and_differenced_with_noise():
+def test_a_log_is_its_encoders_position_rounded_down_and_differenced():
     t = 0.01 * np.arange(4)
     log = standins.read_encoder(JOINT, t, np.array([0.29, 0.51, 0.99, 2.0]) * TURN, TURN / 10, "")
     np.testing.assert_allclose(log.v, np.array([0.3, 0.4, 1.1]) / 0.01)
     np.testing.assert_array_equal(log.t, t[:-1])
     assert (log.commanded_speed_rps, log.turn_period_s) == pytest.approx((100, 0.4))
-    quiet, loud = (
-        standins.encoder_log(standins.Bench(JOINT, sd), DELTA, np.random.default_rng(2))
-        for sd in (0.0, 0.1)
-    )
-    np.testing.assert_allclose(quiet.t, 2e-3 * np.arange(2400), atol=1e-9)
-    assert (loud.v - quiet.v).std() == pytest.approx(0.1, rel=0.05)
 
 
 def test_an_eccentric_gear_moves_the_load_and_no_momentum_comes_from_it():
