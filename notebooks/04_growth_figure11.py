@@ -25,7 +25,6 @@ from replication.records import (
     noise_half_amplitude_rps,
 )
 from studies import claims as measures
-from workbook import Change
 
 workbook.say_times("04_growth_figure11")
 
@@ -121,14 +120,14 @@ for delta, run in zip(every, runs, strict=True):
         upper.plot(t[third] - 2 * T_f, r, color=shade, linewidth=0.9)
 upper.set(xlabel="time in a settled turn [s]", ylabel="disturbance $r$ [rps]")
 curves = peaks.set_index(1e3 * peaks["delta_rad"])
-before = figures.OURS | {"label": "our peak before sampling"}
-lower.plot(curves["amplitude_rps"], "o-", **before)
-of_samples = {"mfc": "none", "label": "our peak of the 2 ms samples"}
-lower.plot(curves["sampled_rps"], "--s", **of_samples)
+label = "our peak before sampling"
+lower.plot(curves["amplitude_rps"], "o-", label=label, **figures.OURS)
+label = "our peak of the 2 ms samples"
+lower.plot(curves["sampled_rps"], "--s", mfc="none", label=label)
 printed = 1e3 * np.array(ten), published.column("Table 2", "theoretical")[:10]
 lower.plot(*printed, label="printed theoretical $A$", **figures.PRINTED)
 lower.set(xlabel=figures.BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
-heights = dict(zip(every, peaks["amplitude_rps"], strict=True))
+heights = peaks.set_index("delta_rad")["amplitude_rps"]
 times = heights[ten[9]] / heights[ten[2]]
 p = np.log(times) / np.log(3)
 workbook.show_figure(
@@ -303,20 +302,20 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "noise_rps = 0.18",
         "the noise of Table 2's row 10, over figure 5's signal: its largest "
         "sample changes, by less than that",
         lambda now, was: 0 < abs(now.largest_rps - was.largest_rps) < 0.18,
     ),
-    Change(
+    (
         'changes = {"G/J_l": 1.2}',
         "a heavier load closes the gap harder; every amplitude grows",
         lambda now, was: (
             now.peaks["amplitude_rps"] > was.peaks["amplitude_rps"]
         ).all(),
     ),
-    Change(
+    (
         "speed_level = 2",
         "the smallest of the ten gaps; the oscillation is about a quarter as high",
         lambda now, was: 0.2 < now.largest_rps / was.largest_rps < 0.3,

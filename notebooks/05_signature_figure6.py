@@ -12,7 +12,6 @@ import workbook
 from replication import cmaes, figures, published, signature
 from replication.records import load_clean
 from replication.signature import Parameters, Timing, table1_box
-from workbook import Change
 
 workbook.say_times("05_signature_figure6")
 
@@ -104,7 +103,8 @@ def rmse(residual):
 
 costs = {"RMSE": rmse, "L1": lambda residual: np.mean(np.abs(residual))}
 criterion = costs.get(cost, cost)
-with workbook.explain("cost", getattr(cost, "__name__", cost)):
+cost_name = getattr(cost, "__name__", cost)
+with workbook.explain("cost", cost_name):
     one, *twice = (float(criterion(np.full(9, size))) for size in (1.0, 2.0, -2.0))
     if not 0 <= one < min(twice):
         raise ValueError("it should return a number that grows with the residual")
@@ -174,8 +174,7 @@ def residual_signal(X, n=12):  # equation 11, less the signature
 residual = residual_signal(X)
 figure, upper, lower = figures.stack(2, 4.0)
 upper.plot(record.t, record.v, label=record.source, **figures.LOG)
-fitted = record.v - residual
-upper.plot(record.t, fitted, label=f"stored run {run}", **figures.FIT)
+upper.plot(record.t, record.v - residual, label=f"stored run {run}", **figures.FIT)
 upper.set(ylabel="motor speed $v$ [rps]", xlim=(0, 1.6))
 lower.plot(record.t, residual, **figures.RESIDUAL)
 lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
@@ -203,7 +202,7 @@ workbook.show_figure(
 stored_rmse = stored_runs["final_rmse_rps"].to_numpy()
 reproduced = {}
 for n in range(10, 15):
-    ours = np.array([rmse(residual_signal(X, n)) for X in stored_X])
+    ours = [rmse(residual_signal(X, n)) for X in stored_X]
     reproduced[n] = int(np.sum(np.abs(ours - stored_rmse) < 1e-6))
 pd.DataFrame({"stored runs": reproduced}).rename_axis("turns")
 
@@ -267,7 +266,7 @@ def best_of_seeds(residual, criterion):
 # %%
 changed = not same_signature or cost != "RMSE"
 rows = {"the paper's": best_of_seeds(paper_residual, rmse)}
-with workbook.explain("cost", getattr(cost, "__name__", cost)):
+with workbook.explain("cost", cost_name):
     if changed:
         rows["yours"] = best_of_seeds(your_residual, criterion)
 fits = pd.DataFrame.from_dict(rows, orient="index").round(4)
@@ -319,7 +318,7 @@ workbook.verdict(text, cells)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "run = 1",
         "a run in the commonest wrong basin: its start is stuck at 0, its gate "
         "closes after 0.1 s, and the second half of every oscillation stays in "
@@ -330,7 +329,7 @@ workbook.try_changing(
             and now.rmse(now.residual) > 2 * was.rmse(was.residual)
         ),
     ),
-    Change(
+    (
         'cost = "L1"',
         "large residuals have less weight, so the RMSE grows by some percent; "
         "$|A|$ hardly changes",
@@ -339,7 +338,7 @@ workbook.try_changing(
             and abs(now.yours["|A| [rps]"] / now.usual["|A| [rps]"] - 1) < 0.01
         ),
     ),
-    Change(
+    (
         "np.sin(X.omega * since) → np.sin(X.omega * (since - X.T1))",
         "the oscillation then starts from zero where its gate opens; no stored "
         "RMSE is reproduced",

@@ -15,7 +15,6 @@ import workbook
 from replication import characteristic, figures, joint, published
 from studies import standins
 from studies.drawings import draw_detection
-from workbook import Change
 
 workbook.say_times("09_stand_ins_tables3_4")
 
@@ -137,13 +136,27 @@ rows = table3.set_index((1e3 * table3["delta_rad"]).map("{:.2g} mrad".format))
 within = errors["printed"].between(errors["min"], errors["max"]).sum()
 figure, axis = figures.panel(3.0)
 at = np.arange(len(rows))
-ours = {"fmt": "s", "color": figures.PINK, "label": "stand-in (simulated)"}
-axis.errorbar(at, rows["mean_A_rps"], rows["sd_A_rps"], **ours)
-theirs = figures.PRINTED | {"label": "printed, not tested"}
-axis.errorbar(at + 0.1, rows["printed_mean"], rows["printed_sd"], **theirs)
+axis.errorbar(
+    at,
+    rows["mean_A_rps"],
+    rows["sd_A_rps"],
+    fmt="s",
+    color=figures.PINK,
+    label="stand-in (simulated)",
+)
+axis.errorbar(
+    at + 0.1,
+    rows["printed_mean"],
+    rows["printed_sd"],
+    label="printed, not tested",
+    **figures.PRINTED,
+)
 axis.plot(at + 0.2, rows["printed_known"], "<", label="printed known $A$")
-axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
-axis.set(xlabel="backlash of the bench")
+axis.set(
+    xlabel="backlash of the bench",
+    ylabel="mean and SD of $A$ [rps]",
+    ylim=(0, None),
+)
 axis.set_xticks(at, rows.index)
 workbook.show_figure(
     "table3_bench",
@@ -256,8 +269,8 @@ figure, axis = figures.panel(2.8)
 for order in orders[odd]:
     axis.axvline(order, color="0.85", linewidth=5)
 axis.plot(sweep["order"], sweep["A_rps"], "o-", **figures.OURS)
-line = {"linestyle": "--", "label": "best threshold of the robots"}
-axis.axhline(best["T"], color=figures.INK, **line)
+label = "best threshold of the robots"
+axis.axhline(best["T"], color=figures.INK, linestyle="--", label=label)
 axis.set(xlabel="periods of the torque in a load turn", ylabel="fitted $A$ [rps]")
 workbook.show_figure(
     "table4_disturbance",
@@ -306,7 +319,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'spread = {"load_friction": 0.05}',
         "up to 5 % of gravity as friction on the load: the benches' mean error "
         "grows severalfold",
@@ -314,13 +327,13 @@ workbook.try_changing(
             abs(now.errors["mean"].mean()) > 2 * abs(was.errors["mean"].mean())
         ),
     ),
-    Change(
+    (
         "measure_mrad = 0.01",
         "the backlashes are then those of equation 10 at the printed $A$, and the "
         "interpolation misses by more",
         lambda now, was: now.off_A["interpolated"] > 2 * was.off_A["interpolated"],
     ),
-    Change(
+    (
         "couplings = [0.3]",
         "couplings of 30 % of gravity hide the backlash: the kinds overlap, and "
         "the area falls towards 0.5, guessing",

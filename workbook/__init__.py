@@ -5,7 +5,6 @@ from importlib import import_module
 # What notebooks call; `python -m workbook` needs none of it.
 _MODULE_OF = {
     "ROOT": "project",
-    "Change": "teaching",
     "ParameterError": "parameters",
     "check_answer": "teaching",
     "check_bounds": "parameters",

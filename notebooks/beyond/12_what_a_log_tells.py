@@ -19,7 +19,6 @@ from replication import characteristic, figures, joint, records
 from replication.best_fit import best_fit
 from replication.signature import TURN
 from studies import standins
-from workbook import Change
 
 workbook.say_times("12_what_a_log_tells")
 
@@ -349,17 +348,17 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "backlash_mrad = 0.4",
         "a smaller gap, with a narrower interval",
         lambda now, was: now.sd_mrad < was.sd_mrad,
     ),
-    Change(
+    (
         "gain_factor = 0.6",
         "a drive that the fit does not know: no joint of this kind fits",
         lambda now, was: now.chance < 1e-3,
     ),
-    Change(
+    (
         "levels = [11]",
         "near the largest backlash equation 10 errs most",
         lambda now, was: now.mean["equation 10"] > 1.5 * was.mean["equation 10"],

@@ -18,7 +18,6 @@ from studies import multiverse as evidence
 from studies import prediction, replay, starts
 from studies.drawings import draw_multiverse
 from studies.realisations import read_realisations
-from workbook import Change
 
 workbook.say_times("13_settings_of_table2")
 
@@ -342,12 +341,12 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'criteria = {"random_start": 0.6}',
         "so strict a limit excludes every drawn start, and the claim does not hold",
         lambda now, was: now.decided["random_start"][0] is False,
     ),
-    Change(
+    (
         "most = 20",
         "with half of the tables of the whole record, the smallest $p$ that they "
         "can give is twice as large",
@@ -356,7 +355,7 @@ workbook.try_changing(
             > 1.9
         ),
     ),
-    Change(
+    (
         "shifts = [0.01]",
         "the bounds of $A$ are not found, because the stored runs had them further "
         "out",
