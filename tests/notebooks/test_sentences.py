@@ -14,7 +14,7 @@ from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
 from workbook.project import notebook_sources
 
-# What takes the authors' files, drawn logs or minutes to compute, as it was: whoever changes such a number has to mean it.
+# What takes the authors' files, drawn logs or minutes to compute, as it was: who changes such a number has to mean it.
 FROZEN = r"""
 00: From ±0.5 rps on, where the SD of the eight is 11 % of their mean; at ±2 rps they go from 0.34 to 1.45 mrad,
 00: for a true 0.5. Without noise the estimate is 0.459 mrad
