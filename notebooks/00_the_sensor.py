@@ -88,8 +88,12 @@ def draw_turn(figure, k):
     speed.plot(t_ms, r)
     speed.fill_between(t_ms, -1.3, 1.3, where=run.gap == 0, color="0.85")
     speed.plot(t_ms[now], r[now], "ko")
-    speed.set(xlabel="time [ms] (grey: gap open)", xlim=(0, 1e3 * T_f))
-    speed.set(ylabel="speed less\nits mean [rps]", ylim=(-1.3, 1.3))
+    speed.set(
+        xlabel="time [ms] (grey: gap open)",
+        xlim=(0, 1e3 * T_f),
+        ylabel="speed less\nits mean [rps]",
+        ylim=(-1.3, 1.3),
+    )
 
 
 workbook.flipbook(
@@ -234,7 +238,7 @@ workbook.show(
 # will it leave?
 
 # %%
-timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s, n=12)
+timing = Timing(T_d=turn_period_s / 2, T_f=turn_period_s)
 settings = SearchSettings(amplitude_factor=1.0, timing=timing)
 with workbook.explain("turn_period_s", turn_period_s):
     best = best_fit(log, settings)

@@ -285,7 +285,6 @@ workbook.show(
 ALPHA = 1e5
 share = K_BL(0.0, ALPHA) / joint.K_s
 jump = tau_l(-1e-15, ALPHA) - tau_l(1e-15, ALPHA)
-claims = measures.write_all(measures.measure_dead_zone(joint))
 workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at "
     f"{ring_hz:.1f} Hz; {by_terms}, two springs alone {springs.iloc[0]:.1f} Hz and "
@@ -294,7 +293,7 @@ workbook.verdict(
     f"{jump:.2g} N "
     "m. Both vanish for no finite $\\alpha$: the paper's sentences are "
     "approximations ([errata E8, E9](../results/report.md#errata)).",
-    claims=claims,
+    claims=measures.write_all(measures.measure_dead_zone(joint)),
 )
 
 # %% [markdown]

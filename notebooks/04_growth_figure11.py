@@ -124,8 +124,9 @@ label = "our peak before sampling"
 lower.plot(curves["amplitude_rps"], "o-", label=label, **figures.OURS)
 label = "our peak of the 2 ms samples"
 lower.plot(curves["sampled_rps"], "--s", mfc="none", label=label)
-printed = 1e3 * np.array(ten), published.column("Table 2", "theoretical")[:10]
-lower.plot(*printed, label="printed theoretical $A$", **figures.PRINTED)
+A = published.column("Table 2", "theoretical")[:10]
+label = "printed theoretical $A$"
+lower.plot(1e3 * np.array(ten), A, label=label, **figures.PRINTED)
 lower.set(xlabel=figures.BACKLASH_LABEL, ylabel="amplitude $A$ [rps]")
 heights = peaks.set_index("delta_rad")["amplitude_rps"]
 times = heights[ten[9]] / heights[ten[2]]
@@ -271,8 +272,9 @@ workbook.say(
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 shares = np.array([each / (2 * noise["printed"][K]) for K, each in noises.items()])
 line = np.polyfit(list(noises), noise["measured"][1:], 1)
-rows = enumerate(noise["measured"], 1)
-cells = {f"table2.row{row:02d}.noise": a for row, a in rows} | {
+cells = {
+    f"table2.row{row:02d}.noise": a for row, a in enumerate(noise["measured"], 1)
+} | {
     "table2.row11.noise": np.polyval(line, 1),
     "text.noise_law_min": shares.min(),
     "text.noise_law_max": shares.max(),

@@ -129,7 +129,7 @@ def f(t, X, start, T_d):  # equation 6
     return d_b(t, X, start) - d_b(t, X, start + T_d)
 
 
-def h(t, X, T_d, T_f, n):  # equation 7
+def h(t, X, T_d=0.2, T_f=0.4, n=12):  # equation 7
     return sum(f(t, X, X.t0 + i * T_f, T_d) for i in range(n))
 
 
@@ -145,14 +145,13 @@ X = stored_X[run - 1]
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t = np.arange(0, turns * 0.4 + 0.1, 1e-4)
 same_signature = all(
-    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X))
-    for X in stored_X
+    np.allclose(h(record.t, X), signature.h(record.t, X)) for X in stored_X
 )
 whose = "the paper's" if same_signature else "your"
 
 workbook.show_figure(
     "figure06_signature",
-    figures.signature_parameters(t, h(t, X, 0.2, 0.4, turns), X, Timing(n=turns)),
+    figures.signature_parameters(t, h(t, X, n=turns), X, Timing(n=turns)),
     f"(a) The signature of {turns} turn{'s' if turns > 1 else ''} at the "
     f"parameters of stored run {run}, by {whose} code. (b) Its first oscillation. "
     f"Its gate is open for {1e3 * (X.T2 - X.T1):.0f} ms; in this time the envelope "
@@ -167,7 +166,7 @@ workbook.show_figure(
 
 # %%
 def residual_signal(X, n=12):  # equation 11, less the signature
-    return record.v - X.v_t - h(record.t, X, 0.2, 0.4, n)
+    return record.v - X.v_t - h(record.t, X, n=n)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -239,7 +238,7 @@ box.lower[1], box.upper[1] = 0.0, 0.4  # t0 lies in the turn before
 
 
 def your_residual(X):
-    return v_fit - X.v_t - h(t_fit, X, 0.2, 0.4, 2)
+    return v_fit - X.v_t - h(t_fit, X, n=2)
 
 
 def paper_residual(X):
@@ -269,8 +268,9 @@ rows = {"the paper's": best_of_seeds(paper_residual, rmse)}
 with workbook.explain("cost", cost_name):
     if changed:
         rows["yours"] = best_of_seeds(your_residual, criterion)
-fits = pd.DataFrame.from_dict(rows, orient="index").round(4)
-fits.rename(columns={"alike": f"searches of {seeds} that end there"})
+pd.DataFrame.from_dict(rows, orient="index").round(4).rename(
+    columns={"alike": f"searches of {seeds} that end there"}
+)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 usual, yours = rows["the paper's"], rows.get("yours", rows["the paper's"])
@@ -368,7 +368,7 @@ literal_rmse = shift_s = factor = np.nan  # your answers
 # equation 4?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-h_literal = h(record.t, X8, X8.t0 + 0.2, X8.t0 + 0.4, 12)
+h_literal = h(record.t, X8, X8.t0 + 0.2, X8.t0 + 0.4)
 literal_rmse = rmse(record.v - X8.v_t - h_literal)
 print(
     f"{literal_rmse:.3f} rps, {literal_rmse / stored_rmse[7]:.1f} times the stored "

@@ -268,8 +268,7 @@ lower, upper = table2.search_box(clean, table2.NOTEBOOK)
 for name, ends in box.items():
     at = Parameters._fields.index(name)
     lower[at], upper[at] = ends
-searched = Box(lower, upper)
-ends = (search_once(misfits, searched, seed) for seed in seeds)
+ends = (search_once(misfits, Box(lower, upper), seed) for seed in seeds)
 points, generations = zip(*ends, strict=True)
 runs = pd.DataFrame(points, seeds, Parameters._fields)
 runs["RMSE"] = misfits(np.array(points))
@@ -307,13 +306,12 @@ if len(astray) and times >= 0.99:
     which = "The best of the others" if found.any() else "It"
     why = f" {which} ends at {nearest['RMSE']:.4f} rps"
     if nearest["generations"] >= iterations:
-        why += ", before it has settled"
+        why += ", before it has settled."
     elif missing.any():
-        names = ", ".join(np.array(Parameters._fields)[missing])
-        why += f": the box leaves out the best fit's {names}"
+        missing = ", ".join(np.array(Parameters._fields)[missing])
+        why += f": the box leaves out the best fit's {missing}."
     else:
-        why += ": a distribution that has shrunk there does not come back"
-    why += "."
+        why += ": a distribution that has shrunk there does not come back."
 workbook.say(f"In this run {outcome}.{why}")
 
 # %% [markdown]

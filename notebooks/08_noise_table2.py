@@ -192,9 +192,12 @@ workbook.say(
 # [theoretical $A$](glossary.md#theoretical-a), beside the printed means. *Predict:* is it zero?
 
 # %%
-names = ["theoretical", "mean", "sd"]
 printed = pd.DataFrame(
-    {name: published.column("Table 2", name) for name in names}, range(1, 12)
+    {
+        name: published.column("Table 2", name)
+        for name in ("theoretical", "mean", "sd")
+    },
+    range(1, 12),
 )
 own = {row: best_fit(clean[row]) for row in range(2, 11)}
 own_error = pd.DataFrame(index=own.keys())
@@ -272,7 +275,7 @@ workbook.say(
 table = table2.table2(fits)
 measured = measures.measure_table2(kept)
 claims = measures.write_all(measured)
-share_above = measured["error_below_10_method"]["share"]
+above = measured["error_below_10_method"]
 decided = workbook.decide_all(claims, criteria)
 failed = ending == 0
 off_percent = 100 * (table["mean_A_rps"] / table["theoretical_A_rps"] - 1).abs()
@@ -294,7 +297,7 @@ workbook.verdict(
         "clean_error_high": f"{errors.max():+.1f}",
         "clean_error_mean": f"{errors.mean():.1f}",
         "intervals": describe_intervals(ten),
-        "errors_above_percent": f"{100 * share_above:.0f}",
+        "errors_above_percent": f"{100 * above['share']:.0f}",
     },
     {"table2": table},
     criteria,

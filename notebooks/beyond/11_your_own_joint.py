@@ -95,8 +95,9 @@ if my_log:
 # %%
 drawn = standins.draw_bench(np.random.default_rng(bench_seed))
 gravity_nm = drawn.joint.G
-friction_nm = drawn.joint.load_coulomb + friction_share * gravity_nm
-my_joint = drawn.joint._replace(load_coulomb=friction_nm)
+my_joint = drawn.joint._replace(
+    load_coulomb=drawn.joint.load_coulomb + friction_share * gravity_nm
+)
 backlash_rad = 1e-3 * backlash_mrad
 
 
@@ -285,8 +286,8 @@ else:
 # %%
 healthy = simulated_joints.Fault()
 rng = np.random.default_rng((bench_seed, 5))
-off_speed = 1.0
-while off_speed > 0.1:  # its drive is drawn, too
+off_speed = np.nan
+while not off_speed < 0.1:  # its drive is drawn, too, and may run away
     swung = simulated_joints.draw_joint(rng, backlash_rad, 1.5, 100, 0.1, 0.05)
     turned = simulated_joints.run_turns(swung, healthy)
     off_speed = np.abs(turned[:, 0] / swung.speed - 1).max()

@@ -205,7 +205,7 @@ workbook.say(
 # %%
 peers = workbook.read_kept("peers").set_index("search")
 sizes = {"ours": "ours, population 300", "ours, 600": "ours, population 600"}
-seconds = peers.rename(index=sizes)["seconds_to_99_percent"]
+seconds = peers["seconds_to_99_percent"].rename(sizes)
 seconds = seconds.sort_values(ascending=False)
 figure, axis = figures.panel(0.25 * len(peers) + 0.6)
 axis.semilogx(seconds, seconds.index, "o", **figures.OURS)
@@ -299,8 +299,9 @@ prediction_finding = (
     f"The prediction {'holds' if holds else 'fails'}: {means_met} of {of_means} "
     f"means and {sds_met} of {of_sds} SDs are as predicted"
 )
-shown = ["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_runs"]
-outcome.set_index("row")[shown].round(4)
+outcome.set_index("row")[
+    ["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_runs"]
+].round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.say(f"{prediction_finding}.")
@@ -311,8 +312,8 @@ workbook.say(f"{prediction_finding}.")
 # Nothing is corrected for the number of settings. The authors' own may be none of them.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-measured = {"random_start": evidence.measure_random_start(multiverse, criteria)}
-claims = measures.write_all(measured)
+random_start = evidence.measure_random_start(multiverse, criteria)
+claims = measures.write_all({"random_start": random_start})
 decided = workbook.decide_all(claims, criteria)
 workbook.verdict(
     f"In this run {same_end.sum()} of {len(ended)} stored runs end at their "

@@ -200,11 +200,11 @@ workbook.say(f"Undecided: {full_robot[1]}.")
 # %%
 claims = measures.write_all(measured) | {"full_robot": full_robot}
 decisions = workbook.decide_all(claims, criteria)
-counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
-counts |= workbook.judge(claims=claims, criteria=criteria)["verdict"].value_counts()
+counts = workbook.judge(claims=claims, criteria=criteria)["verdict"].value_counts()
 decided = (
-    f"Of {len(claims)} sentences {counts['holds']} hold, {counts['does not hold']} "
-    f"do not hold, and {counts['undecided']} are undecided"
+    f"Of {len(claims)} sentences {counts.get('holds', 0)} hold, "
+    f"{counts.get('does not hold', 0)} do not hold, and "
+    f"{counts.get('undecided', 0)} are undecided"
 )
 workbook.show_figure(
     "claims_over_limits",

@@ -81,8 +81,8 @@ chosen["reason"] = [answer.reason for answer in answers.values()]
 chosen[["joint", "verdict", "reason"]]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-commonest = chosen["reason"].value_counts()
-reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest.items())
+commonest = chosen["reason"].value_counts().items()
+reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest)
 workbook.say(f"The reasons: {reasons or 'none'}.")
 
 # %% [markdown]
