@@ -61,8 +61,13 @@ def draw_teeth(axis, x):
     if side := np.sign(x - middle):
         pressed = middle + side * (2.2 - back[5:16])
         axis.plot(pressed, -out[5:16], color=figures.VERMILION, linewidth=4)
-    title = "motor's teeth (blue) and arm's (grey)"
-    axis.set(xlim=(-10, 10), ylim=(-1.8, 1.8), xticks=[], yticks=[], title=title)
+    axis.set(
+        xlim=(-10, 10),
+        ylim=(-1.8, 1.8),
+        xticks=[],
+        yticks=[],
+        title="motor's teeth (blue) and arm's (grey)",
+    )
 
 
 identified = identified_joint()

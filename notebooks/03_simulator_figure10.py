@@ -257,8 +257,11 @@ workbook.say(f"{returned}.")
 
 # %%
 def mean_misfit_percent(joint):
-    speeds = [simulate(joint, delta, step=5e-5).v for delta in records]
-    return 100 * np.mean([*map(nrmse, speeds, records.values())])
+    misfits = [
+        nrmse(simulate(joint, delta, step=5e-5).v, record)
+        for delta, record in records.items()
+    ]
+    return 100 * np.mean(misfits)
 
 
 edges = {

@@ -32,10 +32,13 @@ turn = slice(200, 401)  # the second one
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t_turn, r_turn = record.t[turn], record.v[turn] - 100
-lines = {record.source: (t_turn, r_turn, figures.FIT)}
 largest = np.abs(r_turn[:200]).reshape(2, 100).argmax(axis=1) + np.array([0, 100])
 workbook.show(
-    figures.curves(lines, "time [s]", "$v - 100$ [rps]"),
+    figures.curves(
+        {record.source: (t_turn, r_turn, figures.FIT)},
+        "time [s]",
+        "$v - 100$ [rps]",
+    ),
     f"Seven: the largest excursions, {r_turn[largest[0]]:+.2f} and "
     f"{r_turn[largest[1]]:+.2f} rps, come {np.ptp(t_turn[largest]):.3f} s apart, "
     "so one oscillation, then with the other sign, and the level of the speed "

@@ -152,9 +152,13 @@ upper.plot(
 upper.set(ylabel=figures.BACKLASH_LABEL)
 label = "equation 10 less printed points"
 lower.plot(theoretical, 1e3 * (in_rpm - delta), label=label, **figures.PRINTED)
-label = "ours less equation 10"
-less = 1e3 * (by_ours - by_print)
-lower.plot(A_rps, less, "-.", color=figures.VERMILION, label=label)
+lower.plot(
+    A_rps,
+    1e3 * (by_ours - by_print),
+    "-.",
+    color=figures.VERMILION,
+    label="ours less equation 10",
+)
 lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
 figures.centre(lower)
 workbook.show_figure(

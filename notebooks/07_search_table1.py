@@ -303,8 +303,10 @@ missing = left_out[left_out.sum(axis=1).argmin()]
 astray = runs[~found]
 if len(astray) and times >= 0.99:
     nearest = astray.sort_values("RMSE").iloc[0]
-    which = "The best of the others" if found.any() else "It"
-    why = f" {which} ends at {nearest['RMSE']:.4f} rps"
+    why = (
+        f" {'The best of the others' if found.any() else 'It'} ends at "
+        f"{nearest['RMSE']:.4f} rps"
+    )
     if nearest["generations"] >= iterations:
         why += ", before it has settled."
     elif missing.any():

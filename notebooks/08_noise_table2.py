@@ -107,11 +107,10 @@ axis.axvline(printed_mean, label="printed mean", linestyle="--", **figures.THIN)
 axis.locator_params(axis="x", nbins=5)
 axis.set(xlabel="$|A|$ [rps]", ylabel="RMSE [rps]")
 inside = shown["at_minimum"].sum()
-answer = "Yes" if inside == len(shown) else "No"
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),
-    f"{answer}: of the runs on row {shown_row}, R = {min(public)}, {inside} "
+    f"{'Yes' if inside == len(shown) else 'No'}: of the runs on row {shown_row}, R = {min(public)}, {inside} "
     f"of {len(shown)} end at the global minimum. The SD of all $A$ is "
     f"{shown['A_rps'].abs().std():.4f} rps, printed {printed_sd:g}.",
 )

@@ -268,8 +268,12 @@ figure, axis = figures.panel(2.8)
 for order in orders[odd]:
     axis.axvline(order, color="0.85", linewidth=5)
 axis.plot(sweep["order"], sweep["A_rps"], "o-", **figures.OURS)
-label = "best threshold of the robots"
-axis.axhline(best["T"], color=figures.INK, linestyle="--", label=label)
+axis.axhline(
+    best["T"],
+    color=figures.INK,
+    linestyle="--",
+    label="best threshold of the robots",
+)
 axis.set(xlabel="periods of the torque in a load turn", ylabel="fitted $A$ [rps]")
 workbook.show_figure(
     "table4_disturbance",

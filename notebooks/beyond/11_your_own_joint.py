@@ -139,8 +139,14 @@ small = np.abs(tau_l) < 0.1 * amplitude
 t_ms = 1e3 * my_joint.turn_period / TURN * np.arange(TURN)
 figure, axis = figures.panel(2.6)
 axis.plot(t_ms, tau_l, label="$\\tau_l$", **figures.FIT)
-label = "$\\tau_l$ below 10 %"
-axis.fill_between(t_ms, -amplitude, amplitude, small, color="0.9", label=label)
+axis.fill_between(
+    t_ms,
+    -amplitude,
+    amplitude,
+    where=small,
+    color="0.9",
+    label="$\\tau_l$ below 10 %",
+)
 axis.set(xlabel="time in the mean turn [ms]", ylabel="torque less its mean [N m]")
 of_sine_ms = t_ms[1] * TURN * 2 * np.arcsin(0.1) / np.pi
 open_ms = t_ms[1] * small.sum()
@@ -255,10 +261,11 @@ def holds_truth(answer, truth_mrad):
 
 if by_torque.backlash_interval_rad:
     low, high = 1e3 * np.array(by_torque.backlash_interval_rad)
-    holds = "holds" if holds_truth(by_torque, backlash_mrad) else "does not hold"
     finding = (
         f"{by_torque.verdict}, {1e3 * by_torque.backlash_rad:.3f} mrad, whose "
-        f"interval of {low:.3f} to {high:.3f} mrad {holds} the true "
+        f"interval of {low:.3f} to {high:.3f} mrad "
+        f"{'holds' if holds_truth(by_torque, backlash_mrad) else 'does not hold'} "
+        "the true "
         f"{backlash_mrad:g} mrad"
     )
     of_gravity = by_torque.joint["gravity_per_s2"][0] / ratios["G/J_l"]

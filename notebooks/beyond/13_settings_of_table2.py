@@ -149,8 +149,8 @@ for end, side in enumerate(("min", "max")):
             bounds = np.array(of_authors)
             moved = shift * (printed.upper - printed.lower)[at]
             bounds[end, at] = printed[end][at] + moved
-            count = count_replayed(Box(*bounds))
-            tried[f"table1.{name}.{side}", shift] = bounds[end, at], count
+            cell = f"table1.{name}.{side}"
+            tried[cell, shift] = bounds[end, at], count_replayed(Box(*bounds))
 replayed = pd.DataFrame(tried, index=["bound", "runs"]).T
 replayed = replayed.rename_axis(["cell", "shift"])
 replayed["runs"].unstack(sort=False).astype(int)

@@ -87,7 +87,6 @@ added = {
 amplitudes = experiments.amplitudes_without_backlash(
     range(1, noises + 1), published.value("table2.row11.noise")
 )
-by_turns = workbook.read_kept("noise_by_turns")
 measured = {
     "uniform_noise": measures.measure_uniform_noise(
         experiments.noise_tests(added.values())
@@ -95,7 +94,9 @@ measured = {
     "no_backlash": measures.measure_no_backlash(
         amplitudes, published.value("table2.row01.mean")
     ),
-    "turns_reduce_noise": measures.measure_turns(by_turns),
+    "turns_reduce_noise": measures.measure_turns(
+        workbook.read_kept("noise_by_turns")
+    ),
 } | measures.measure_public_files()
 of_turns = measures.write_words(
     "turns_reduce_noise", measured["turns_reduce_noise"]
