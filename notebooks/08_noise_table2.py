@@ -110,9 +110,10 @@ inside = shown["at_minimum"].sum()
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),
-    f"{'Yes' if inside == len(shown) else 'No'}: of the runs on row {shown_row}, R = {min(public)}, {inside} "
-    f"of {len(shown)} end at the global minimum. The SD of all $A$ is "
-    f"{shown['A_rps'].abs().std():.4f} rps, printed {printed_sd:g}.",
+    f"{'Yes' if inside == len(shown) else 'No'}: of the runs on row {shown_row}, "
+    f"R = {min(public)}, {inside} of {len(shown)} end at the global minimum. "
+    f"The SD of all $A$ is {shown['A_rps'].abs().std():.4f} rps, "
+    f"printed {printed_sd:g}.",
 )
 
 # %% [markdown]
