@@ -192,12 +192,9 @@ workbook.say(
 # [theoretical $A$](glossary.md#theoretical-a), beside the printed means. *Predict:* is it zero?
 
 # %%
+names = ["theoretical", "mean", "sd"]
 printed = pd.DataFrame(
-    {
-        name: published.column("Table 2", name)
-        for name in ("theoretical", "mean", "sd")
-    },
-    range(1, 12),
+    {name: published.column("Table 2", name) for name in names}, range(1, 12)
 )
 own = {row: best_fit(clean[row]) for row in range(2, 11)}
 own_error = pd.DataFrame(index=own.keys())
