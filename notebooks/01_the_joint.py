@@ -14,7 +14,6 @@ import workbook
 from replication import figures
 from replication.joint import change, identified_joint, simulate
 from studies import claims as measures
-from workbook import Change
 
 workbook.say_times("01_the_joint")
 
@@ -70,8 +69,8 @@ workbook.check_parameters(
 delta = 1e-3 * backlash_mrad
 with workbook.explain("changes", changes):
     joint = change(identified, changes)
-    friction = friction_share * joint.G
-    joint = joint._replace(load_coulomb=friction, clamped=True)  # a sharp edge
+    # A sharp edge.
+    joint = joint._replace(load_coulomb=friction_share * joint.G, clamped=True)
     run = simulate(joint, delta, duration=1.2, sample=1e-4, step=5e-5)
 t, r = run.t, run.v - 100
 carried = joint.G * np.sin(run.theta_l) + joint.load_coulomb
@@ -126,31 +125,27 @@ workbook.show(
 
 
 # %%
-def K_BL(x, alpha, delta=delta):  # equation 8; x is the displacement
+def K_BL(x, alpha):  # equation 8; x is the displacement
     arctans = np.arctan(alpha * (x - delta)) - np.arctan(alpha * (x + delta))
     return joint.K_s / np.pi * (np.pi + arctans)
 
 
-def tau_l(x, alpha, delta=delta):  # equation 9
-    return (x - delta * np.sign(x)) * K_BL(x, alpha, delta)
+def tau_l(x, alpha):  # equation 9
+    return (x - delta * np.sign(x)) * K_BL(x, alpha)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 x = np.linspace(-3 * delta, 3 * delta, 1201)
 beyond = x - np.clip(x, -delta, delta)
-curves = {
-    f"$\\alpha$ = {alpha:.3g} per rad": (K_BL(x, alpha), tau_l(x, alpha))
-    for alpha in alphas
-}
 softest = min(alphas)
 at_edge, in_middle = K_BL(np.array([delta, 0]), softest) / joint.K_s
 figure, stiffness, torque = figures.stack(2, 4.8)
-for label, (of_stiffness, of_torque) in curves.items():
-    stiffness.plot(1e3 * x, of_stiffness, label=label, linewidth=2.5)
-    torque.plot(1e3 * x, of_torque, linewidth=2.5)
-clamped = figures.FIT | {"label": "clamped dead zone"}
-stiffness.plot(1e3 * x, joint.K_s * (beyond != 0), **clamped)
-torque.plot(1e3 * x, joint.K_s * beyond, **clamped)
+for alpha in alphas:
+    label = f"$\\alpha$ = {alpha:.3g} per rad"
+    stiffness.plot(1e3 * x, K_BL(x, alpha), label=label, linewidth=2.5)
+    torque.plot(1e3 * x, tau_l(x, alpha), linewidth=2.5)
+torque.plot(1e3 * x, joint.K_s * beyond, label="clamped dead zone", **figures.FIT)
+stiffness.plot(1e3 * x, joint.K_s * (beyond != 0), **figures.FIT)
 for axis in (stiffness, torque):
     axis.vlines(1e3 * delta * np.array([-1, 1]), *axis.get_ylim(), "0.5", ":")
 stiffness.set(ylabel="stiffness $K_{BL}$ [N m/rad]", yscale="log")
@@ -265,8 +260,8 @@ workbook.say(
 free = (t > impacts[0] + 0.02) & (t < impacts[1]) & (run.gap != 0)
 crests, _ = find_peaks(r[free])
 with workbook.explain("changes", changes):
-    first, second, *_ = crests
-ring_hz = 1 / (t[free][second] - t[free][first])
+    period_s, *_ = np.diff(t[free][crests])
+ring_hz = 1 / period_s
 both = {
     "simulate": (t, r, figures.WIDE),
     "crests": (t[free][crests], r[free][crests], figures.MARKS),
@@ -290,7 +285,6 @@ workbook.show(
 ALPHA = 1e5
 share = K_BL(0.0, ALPHA) / joint.K_s
 jump = tau_l(-1e-15, ALPHA) - tau_l(1e-15, ALPHA)
-claims = measures.write_all(measures.measure_dead_zone(joint))
 workbook.verdict(
     f"With a backlash of {backlash_mrad:g} mrad the simulated speed rings at "
     f"{ring_hz:.1f} Hz; {by_terms}, two springs alone {springs.iloc[0]:.1f} Hz and "
@@ -299,7 +293,7 @@ workbook.verdict(
     f"{jump:.2g} N "
     "m. Both vanish for no finite $\\alpha$: the paper's sentences are "
     "approximations ([errata E8, E9](../results/report.md#errata)).",
-    claims=claims,
+    claims=measures.write_all(measures.measure_dead_zone(joint)),
 )
 
 # %% [markdown]
@@ -307,7 +301,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'changes = {"K_s/J_l": 0.5}',
         "a softer coupling rings more slowly, and two springs are nearly right",
         lambda now, was: (
@@ -316,7 +310,7 @@ workbook.try_changing(
             < abs(was.springs.iloc[0] / was.whole.iloc[0] - 1)
         ),
     ),
-    Change(
+    (
         "backlash_mrad = 1.5",
         "a gap three times as wide is crossed later, and a third of the stiffness "
         "is left in its middle",
@@ -324,7 +318,7 @@ workbook.try_changing(
             now.after_ms > was.after_ms and 0.3 < now.share / was.share < 0.36
         ),
     ),
-    Change(
+    (
         "friction_share = 0.05",
         "gravity has to overcome friction first, so the impacts are no longer "
         "half a turn apart",

@@ -21,7 +21,6 @@ from replication.joint import (
 )
 from replication.records import CLEAN_LEVELS, level_delta_rad, load_clean_records
 from studies.identification import FIT_LEVELS, identify_joint
-from workbook import Change
 
 workbook.say_times("03_simulator_figure10")
 
@@ -258,8 +257,11 @@ workbook.say(f"{returned}.")
 
 # %%
 def mean_misfit_percent(joint):
-    speeds = [simulate(joint, delta, step=5e-5).v for delta in records]
-    return 100 * np.mean([*map(nrmse, speeds, records.values())])
+    misfits = [
+        nrmse(simulate(joint, delta, step=5e-5).v, record)
+        for delta, record in records.items()
+    ]
+    return 100 * np.mean(misfits)
 
 
 edges = {
@@ -352,7 +354,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'changes = {"K_s/J_l": 1.05}',
         "5 % more stiffness, a faster ring, and several times the misfit",
         lambda now, was: (
@@ -360,13 +362,13 @@ workbook.try_changing(
             > 3 * was.table["nrmse_percent"].mean()
         ),
     ),
-    Change(
+    (
         'changes = {"start_angle": 3.0}',
         "the impacts come at another time, and the misfit is as large as the "
         "signal, or larger",
         lambda now, was: now.table["nrmse_percent"].mean() > 90,
     ),
-    Change(
+    (
         "alphas = [1e3]",
         "so soft an edge leaves stiffness in the whole gap, and the misfit "
         "exceeds the signal",

@@ -12,7 +12,6 @@ import workbook
 from replication import cmaes, figures, published, signature
 from replication.records import load_clean
 from replication.signature import Parameters, Timing, table1_box
-from workbook import Change
 
 workbook.say_times("05_signature_figure6")
 
@@ -33,10 +32,13 @@ turn = slice(200, 401)  # the second one
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t_turn, r_turn = record.t[turn], record.v[turn] - 100
-lines = {record.source: (t_turn, r_turn, figures.FIT)}
 largest = np.abs(r_turn[:200]).reshape(2, 100).argmax(axis=1) + np.array([0, 100])
 workbook.show(
-    figures.curves(lines, "time [s]", "$v - 100$ [rps]"),
+    figures.curves(
+        {record.source: (t_turn, r_turn, figures.FIT)},
+        "time [s]",
+        "$v - 100$ [rps]",
+    ),
     f"Seven: the largest excursions, {r_turn[largest[0]]:+.2f} and "
     f"{r_turn[largest[1]]:+.2f} rps, come {np.ptp(t_turn[largest]):.3f} s apart, "
     "so one oscillation, then with the other sign, and the level of the speed "
@@ -104,7 +106,8 @@ def rmse(residual):
 
 costs = {"RMSE": rmse, "L1": lambda residual: np.mean(np.abs(residual))}
 criterion = costs.get(cost, cost)
-with workbook.explain("cost", getattr(cost, "__name__", cost)):
+cost_name = getattr(cost, "__name__", cost)
+with workbook.explain("cost", cost_name):
     one, *twice = (float(criterion(np.full(9, size))) for size in (1.0, 2.0, -2.0))
     if not 0 <= one < min(twice):
         raise ValueError("it should return a number that grows with the residual")
@@ -129,7 +132,7 @@ def f(t, X, start, T_d):  # equation 6
     return d_b(t, X, start) - d_b(t, X, start + T_d)
 
 
-def h(t, X, T_d, T_f, n):  # equation 7
+def h(t, X, T_d=0.2, T_f=0.4, n=12):  # equation 7
     return sum(f(t, X, X.t0 + i * T_f, T_d) for i in range(n))
 
 
@@ -145,14 +148,13 @@ X = stored_X[run - 1]
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 t = np.arange(0, turns * 0.4 + 0.1, 1e-4)
 same_signature = all(
-    np.allclose(h(record.t, X, 0.2, 0.4, 12), signature.h(record.t, X))
-    for X in stored_X
+    np.allclose(h(record.t, X), signature.h(record.t, X)) for X in stored_X
 )
 whose = "the paper's" if same_signature else "your"
 
 workbook.show_figure(
     "figure06_signature",
-    figures.signature_parameters(t, h(t, X, 0.2, 0.4, turns), X, Timing(n=turns)),
+    figures.signature_parameters(t, h(t, X, n=turns), X, Timing(n=turns)),
     f"(a) The signature of {turns} turn{'s' if turns > 1 else ''} at the "
     f"parameters of stored run {run}, by {whose} code. (b) Its first oscillation. "
     f"Its gate is open for {1e3 * (X.T2 - X.T1):.0f} ms; in this time the envelope "
@@ -167,15 +169,14 @@ workbook.show_figure(
 
 # %%
 def residual_signal(X, n=12):  # equation 11, less the signature
-    return record.v - X.v_t - h(record.t, X, 0.2, 0.4, n)
+    return record.v - X.v_t - h(record.t, X, n=n)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 residual = residual_signal(X)
 figure, upper, lower = figures.stack(2, 4.0)
 upper.plot(record.t, record.v, label=record.source, **figures.LOG)
-fitted = record.v - residual
-upper.plot(record.t, fitted, label=f"stored run {run}", **figures.FIT)
+upper.plot(record.t, record.v - residual, label=f"stored run {run}", **figures.FIT)
 upper.set(ylabel="motor speed $v$ [rps]", xlim=(0, 1.6))
 lower.plot(record.t, residual, **figures.RESIDUAL)
 lower.set(xlabel="time $t$ [s]", ylabel="residual [rps]")
@@ -203,7 +204,7 @@ workbook.show_figure(
 stored_rmse = stored_runs["final_rmse_rps"].to_numpy()
 reproduced = {}
 for n in range(10, 15):
-    ours = np.array([rmse(residual_signal(X, n)) for X in stored_X])
+    ours = [rmse(residual_signal(X, n)) for X in stored_X]
     reproduced[n] = int(np.sum(np.abs(ours - stored_rmse) < 1e-6))
 pd.DataFrame({"stored runs": reproduced}).rename_axis("turns")
 
@@ -240,7 +241,7 @@ box.lower[1], box.upper[1] = 0.0, 0.4  # t0 lies in the turn before
 
 
 def your_residual(X):
-    return v_fit - X.v_t - h(t_fit, X, 0.2, 0.4, 2)
+    return v_fit - X.v_t - h(t_fit, X, n=2)
 
 
 def paper_residual(X):
@@ -267,11 +268,12 @@ def best_of_seeds(residual, criterion):
 # %%
 changed = not same_signature or cost != "RMSE"
 rows = {"the paper's": best_of_seeds(paper_residual, rmse)}
-with workbook.explain("cost", getattr(cost, "__name__", cost)):
+with workbook.explain("cost", cost_name):
     if changed:
         rows["yours"] = best_of_seeds(your_residual, criterion)
-fits = pd.DataFrame.from_dict(rows, orient="index").round(4)
-fits.rename(columns={"alike": f"searches of {seeds} that end there"})
+pd.DataFrame.from_dict(rows, orient="index").round(4).rename(
+    columns={"alike": f"searches of {seeds} that end there"}
+)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 usual, yours = rows["the paper's"], rows.get("yours", rows["the paper's"])
@@ -319,7 +321,7 @@ workbook.verdict(text, cells)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "run = 1",
         "a run in the commonest wrong basin: its start is stuck at 0, its gate "
         "closes after 0.1 s, and the second half of every oscillation stays in "
@@ -330,7 +332,7 @@ workbook.try_changing(
             and now.rmse(now.residual) > 2 * was.rmse(was.residual)
         ),
     ),
-    Change(
+    (
         'cost = "L1"',
         "large residuals have less weight, so the RMSE grows by some percent; "
         "$|A|$ hardly changes",
@@ -339,7 +341,7 @@ workbook.try_changing(
             and abs(now.yours["|A| [rps]"] / now.usual["|A| [rps]"] - 1) < 0.01
         ),
     ),
-    Change(
+    (
         "np.sin(X.omega * since) → np.sin(X.omega * (since - X.T1))",
         "the oscillation then starts from zero where its gate opens; no stored "
         "RMSE is reproduced",
@@ -369,7 +371,7 @@ literal_rmse = shift_s = factor = np.nan  # your answers
 # equation 4?
 
 # %% jupyter={"source_hidden": true} tags=["hide-cell", "solution"]
-h_literal = h(record.t, X8, X8.t0 + 0.2, X8.t0 + 0.4, 12)
+h_literal = h(record.t, X8, X8.t0 + 0.2, X8.t0 + 0.4)
 literal_rmse = rmse(record.v - X8.v_t - h_literal)
 print(
     f"{literal_rmse:.3f} rps, {literal_rmse / stored_rmse[7]:.1f} times the stored "

@@ -13,7 +13,6 @@ from scipy.optimize import brentq
 import workbook
 from replication import characteristic, figures, joint, published
 from studies import claims as measures
-from workbook import Change
 
 workbook.say_times("06_characteristic_figure12")
 
@@ -133,10 +132,8 @@ workbook.say(
 
 # %%
 changed = joint.change(identified, changes)
-simulated = [
-    joint.simulate(changed, each, sample=5e-5, step=5e-5) for each in delta
-]
-peaks = np.array([joint.settled_peak(each, changed) for each in simulated])
+runs = (joint.simulate(changed, each, sample=5e-5, step=5e-5) for each in delta)
+peaks = np.array([joint.settled_peak(run, changed) for run in runs])
 ours, ours_rmse = fit_polynomial(60 * peaks, delta, degree)
 
 
@@ -149,13 +146,19 @@ figure, upper, lower = figures.stack(2, 4.6)
 upper.plot(A_rps, 1e3 * by_print, label="equation 10, printed", **figures.FIT)
 upper.plot(A_rps, 1e3 * by_ours, "--", label=f"degree {degree} through our peaks")
 upper.plot(theoretical, 1e3 * delta, label="printed points", **figures.PRINTED)
-of_peaks = figures.OURS | {"mfc": "none", "label": "our simulated peaks"}
-upper.plot(peaks, 1e3 * delta, "s", **of_peaks)
+upper.plot(
+    peaks, 1e3 * delta, "s", mfc="none", label="our simulated peaks", **figures.OURS
+)
 upper.set(ylabel=figures.BACKLASH_LABEL)
-missed = figures.PRINTED | {"label": "equation 10 less printed points"}
-lower.plot(theoretical, 1e3 * (in_rpm - delta), **missed)
-between = {"color": figures.VERMILION, "label": "ours less equation 10"}
-lower.plot(A_rps, 1e3 * (by_ours - by_print), "-.", **between)
+label = "equation 10 less printed points"
+lower.plot(theoretical, 1e3 * (in_rpm - delta), label=label, **figures.PRINTED)
+lower.plot(
+    A_rps,
+    1e3 * (by_ours - by_print),
+    "-.",
+    color=figures.VERMILION,
+    label="ours less equation 10",
+)
 lower.set(xlabel="amplitude $A$ [rps]", ylabel="difference [mrad]")
 figures.centre(lower)
 workbook.show_figure(
@@ -246,13 +249,12 @@ of_text["blocks"] = 4  # motor with encoder, transmission, load, control loops
 # The coefficients are judged to their printed digits, which only a cubic through the printed points can give.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-tables = arithmetic["element"].str.lower().str.replace(" ", "")
-ids = tables + arithmetic["row"].map(".row{:02d}.relative_error".format)
-cells |= dict(zip(ids, arithmetic["relative_error_percent"], strict=True))
+for each in arithmetic.itertuples():
+    table = each.element.lower().replace(" ", "")
+    cell = f"{table}.row{each.row:02d}.relative_error"
+    cells[cell] = each.relative_error_percent
 cells |= {f"text.{name}": number for name, number in of_text.items()}
 cells |= {"equation10.rmse": fitted_rmse, "table2.row11.theoretical": 0.0}
-
-claims = measures.write_all(measures.measure_equation_10())
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
 workbook.verdict(
@@ -266,7 +268,7 @@ workbook.verdict(
     f"{degree} through our simulated peaks (RMSE {1e3 * ours_rmse:.5f} mrad) is at "
     f"most {1e3 * apart:.2g} mrad from it.",
     cells,
-    claims,
+    measures.write_all(measures.measure_equation_10()),
     {"rounding_moves_A0": f"{rounding_moves[0]:.2f}"},
 )
 
@@ -275,7 +277,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "rpm_per_rps = 1.0",
         "the coefficients of the cubic in rps; all but the constant are out of "
         "their tolerance",
@@ -283,12 +285,12 @@ workbook.try_changing(
             now.agreeing == 1 and abs(now.fitted[0] / was.fitted[0] - 1) < 1e-6
         ),
     ),
-    Change(
+    (
         "left_out = [10]",
         "without the last point all four coefficients leave their tolerances",
         lambda now, was: now.agreeing == 0,
     ),
-    Change(
+    (
         "degree = 2",
         "a parabola misses our simulated peaks several times as much as a cubic "
         "does",

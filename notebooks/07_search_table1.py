@@ -14,7 +14,6 @@ from replication import cmaes, figures, misfit, table2
 from replication.best_fit import best_fit
 from replication.records import load_clean
 from replication.signature import Box, Parameters
-from workbook import Change
 
 workbook.say_times("07_search_table1")
 
@@ -199,7 +198,7 @@ for _ in range(30):
     sigma = change_step_size(sigma, p_sigma)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-t0, omega = (np.linspace(*ends, 100) for ends in zip(*two, strict=True))
+t0, omega = np.linspace(*two, 100).T
 height = [misfits_of_two(np.c_[t0, np.full(100, each)]) for each in omega]
 deepest = best.X.t0 % 0.4, best.X.omega
 turned = np.linspace(0, 2 * np.pi, 60)
@@ -216,9 +215,13 @@ def draw_generation(figure, k):
     axis.plot(*ellipse.T, color=figures.ORANGE, linewidth=2)
     axis.plot(*(m * quarter), "+", color=figures.ORANGE, markersize=14, mew=3)
     axis.plot(*deepest, "X", color=figures.BLUE, mec="white", markersize=10)
-    axis.set(xlim=ends[:2], ylim=ends[2:], ylabel="$\\omega$ [rad/s]")
-    axis.set(xlabel="start $t_0$ [s]; orange: mean and ellipse; blue: the best fit")
-    axis.set(title=f"generation {k + 1}: least misfit {costs.min():.3f} rps")
+    axis.set(
+        xlim=ends[:2],
+        ylim=ends[2:],
+        xlabel="start $t_0$ [s]; orange: mean and ellipse; blue: the best fit",
+        ylabel="$\\omega$ [rad/s]",
+        title=f"generation {k + 1}: least misfit {costs.min():.3f} rps",
+    )
 
 
 workbook.flipbook(draw_generation, len(watched), "members, mean and ellipse")
@@ -265,13 +268,12 @@ lower, upper = table2.search_box(clean, table2.NOTEBOOK)
 for name, ends in box.items():
     at = Parameters._fields.index(name)
     lower[at], upper[at] = ends
-searched = Box(lower, upper)
-ends = [search_once(misfits, searched, seed) for seed in seeds]
-points = np.array([point for point, _ in ends])
+ends = (search_once(misfits, Box(lower, upper), seed) for seed in seeds)
+points, generations = zip(*ends, strict=True)
 runs = pd.DataFrame(points, seeds, Parameters._fields)
-runs["RMSE"] = misfits(points)
+runs["RMSE"] = misfits(np.array(points))
 runs["over the lowest"] = runs["RMSE"] / best.rmse
-runs["generations"] = [generations for _, generations in ends]
+runs["generations"] = generations
 runs.rename_axis("seed").round(3)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
@@ -301,16 +303,17 @@ missing = left_out[left_out.sum(axis=1).argmin()]
 astray = runs[~found]
 if len(astray) and times >= 0.99:
     nearest = astray.sort_values("RMSE").iloc[0]
-    which = "The best of the others" if found.any() else "It"
-    why = f" {which} ends at {nearest['RMSE']:.4f} rps"
+    why = (
+        f" {'The best of the others' if found.any() else 'It'} ends at "
+        f"{nearest['RMSE']:.4f} rps"
+    )
     if nearest["generations"] >= iterations:
-        why += ", before it has settled"
+        why += ", before it has settled."
     elif missing.any():
-        names = ", ".join(np.array(Parameters._fields)[missing])
-        why += f": the box leaves out the best fit's {names}"
+        missing = ", ".join(np.array(Parameters._fields)[missing])
+        why += f": the box leaves out the best fit's {missing}."
     else:
-        why += ": a distribution that has shrunk there does not come back"
-    why += "."
+        why += ": a distribution that has shrunk there does not come back."
 workbook.say(f"In this run {outcome}.{why}")
 
 # %% [markdown]
@@ -329,13 +332,13 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "population = 20",
         "ten members make the mean, and no run finds the lowest misfit; most use "
         "up all generations without settling",
         lambda now, was: now.found.sum() == 0 and now.limited > len(now.runs) / 2,
     ),
-    Change(
+    (
         'box = {"A": (-0.6, 0.6)}',
         "a box that leaves out the right $A$: no run finds the lowest misfit, and "
         "the best ends at an edge",
@@ -345,7 +348,7 @@ workbook.try_changing(
             and "leaves out the best fit's A" in now.why
         ),
     ),
-    Change(
+    (
         "iterations = 60",
         "no run has settled by then, and fewer are at the lowest misfit",
         lambda now, was: (

@@ -22,7 +22,6 @@ from studies.drawings import draw_table2
 from studies.intervals import prediction_interval
 from studies.multiverse import describe_intervals
 from studies.realisations import read_realisations
-from workbook import Change
 
 workbook.say_times("08_noise_table2")
 
@@ -102,19 +101,19 @@ printed_mean, printed_sd = map(published.value, (f"{cell}.mean", f"{cell}.sd"))
 figure, axis = figures.panel(2.6)
 for there, part in shown.groupby("at_minimum"):
     label = f"{'global minimum' if there else 'elsewhere'}: {len(part)}"
-    at = part["A_rps"].abs(), part["rmse_rps"]
-    axis.plot(*at, "xo"[there], mfc="none", label=label)
+    A = part["A_rps"].abs()
+    axis.plot(A, part["rmse_rps"], "xo"[there], mfc="none", label=label)
 axis.axvline(printed_mean, label="printed mean", linestyle="--", **figures.THIN)
 axis.locator_params(axis="x", nbins=5)
 axis.set(xlabel="$|A|$ [rps]", ylabel="RMSE [rps]")
-inside = shown["A_rps"].abs()[shown["at_minimum"]]
-answer = "Yes" if len(inside) == len(shown) else "No"
+inside = shown["at_minimum"].sum()
 workbook.show_figure(
     "table2_thirty_runs",
     figures.finish(figure, 2),
-    f"{answer}: of the runs on row {shown_row}, R = {min(public)}, {len(inside)} "
-    f"of {len(shown)} end at the global minimum. The SD of all $A$ is "
-    f"{shown['A_rps'].abs().std():.4f} rps, printed {printed_sd:g}.",
+    f"{'Yes' if inside == len(shown) else 'No'}: of the runs on row {shown_row}, "
+    f"R = {min(public)}, {inside} of {len(shown)} end at the global minimum. "
+    f"The SD of all $A$ is {shown['A_rps'].abs().std():.4f} rps, "
+    f"printed {printed_sd:g}.",
 )
 
 # %% [markdown]
@@ -177,7 +176,8 @@ share = fits.pivot_table(
 share
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-fewest, most = share.to_numpy().min(), share.to_numpy().max()
+ending = share.to_numpy()
+fewest, most = ending.min(), ending.max()
 workbook.say(
     f"The fewest: {fewest} of {runs_each} runs, the most: {most}; of one chance "
     f"fifty records would range over some {2.5 * np.sqrt(runs_each):.0f} runs. "
@@ -272,9 +272,9 @@ workbook.say(
 table = table2.table2(fits)
 measured = measures.measure_table2(kept)
 claims = measures.write_all(measured)
-share_above = measured["error_below_10_method"]["share"]
+above = measured["error_below_10_method"]
 decided = workbook.decide_all(claims, criteria)
-failed = share.to_numpy() == 0
+failed = ending == 0
 off_percent = 100 * (table["mean_A_rps"] / table["theoretical_A_rps"] - 1).abs()
 
 workbook.verdict(
@@ -294,7 +294,7 @@ workbook.verdict(
         "clean_error_high": f"{errors.max():+.1f}",
         "clean_error_mean": f"{errors.mean():.1f}",
         "intervals": describe_intervals(ten),
-        "errors_above_percent": f"{100 * share_above:.0f}",
+        "errors_above_percent": f"{100 * above['share']:.0f}",
     },
     {"table2": table},
     criteria,
@@ -305,12 +305,12 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "population = 30",
         "most searches end in local minima",
         lambda now, was: now.fits["at_minimum"].mean() < 0.5,
     ),
-    Change(
+    (
         "noise_factor = 8.0",
         "the noise is as loud as the ring, and the means miss the theoretical "
         "$A$ by more than a tenth",
@@ -318,7 +318,7 @@ workbook.try_changing(
             now.off_percent.max() > max(20, 1.5 * was.off_percent.max())
         ),
     ),
-    Change(
+    (
         'criteria = {"local_minima": 0.99}',
         "if 99 % of the runs had to succeed, no population would do, and the claim "
         "would fail",

@@ -15,7 +15,6 @@ import workbook
 from replication import characteristic, figures, joint, published
 from studies import standins
 from studies.drawings import draw_detection
-from workbook import Change
 
 workbook.say_times("09_stand_ins_tables3_4")
 
@@ -122,7 +121,7 @@ with workbook.explain("spread", spread):
     others = [standins.draw_bench(rng, drawn_spread) for rng in rngs]
     cases = [(other, delta) for other in others for delta in deltas]
     population = standins.fit_logs(cases, drawn_seed)
-of_delta = dict(zip(deltas, known["interpolated"], strict=True))
+of_delta = known.set_index("delta_rad")["interpolated"]
 of_true = population["A_rps"] / population["delta_rad"].map(of_delta)
 population["error_percent"] = 100 * (of_true - 1)
 errors = population.groupby("delta_rad")["error_percent"].agg(
@@ -133,18 +132,31 @@ errors.round(2)
 
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-rows = table3.set_index((1e3 * table3["delta_rad"]).map("{:.2g} mrad".format))
 within = errors["printed"].between(errors["min"], errors["max"]).sum()
 figure, axis = figures.panel(3.0)
-at = np.arange(len(rows))
-ours = {"fmt": "s", "color": figures.PINK, "label": "stand-in (simulated)"}
-axis.errorbar(at, rows["mean_A_rps"], rows["sd_A_rps"], **ours)
-theirs = figures.PRINTED | {"label": "printed, not tested"}
-axis.errorbar(at + 0.1, rows["printed_mean"], rows["printed_sd"], **theirs)
-axis.plot(at + 0.2, rows["printed_known"], "<", label="printed known $A$")
-axis.set(ylabel="mean and SD of $A$ [rps]", ylim=(0, None))
-axis.set(xlabel="backlash of the bench")
-axis.set_xticks(at, rows.index)
+at = table3.index
+axis.errorbar(
+    at,
+    table3["mean_A_rps"],
+    table3["sd_A_rps"],
+    fmt="s",
+    color=figures.PINK,
+    label="stand-in (simulated)",
+)
+axis.errorbar(
+    at + 0.1,
+    table3["printed_mean"],
+    table3["printed_sd"],
+    label="printed, not tested",
+    **figures.PRINTED,
+)
+axis.plot(at + 0.2, table3["printed_known"], "<", label="printed known $A$")
+axis.set(
+    xlabel="backlash of the bench",
+    ylabel="mean and SD of $A$ [rps]",
+    ylim=(0, None),
+)
+axis.set_xticks(at, (1e3 * table3["delta_rad"]).map("{:.2g} mrad".format))
 workbook.show_figure(
     "table3_bench",
     figures.finish(figure, 2),
@@ -256,8 +268,12 @@ figure, axis = figures.panel(2.8)
 for order in orders[odd]:
     axis.axvline(order, color="0.85", linewidth=5)
 axis.plot(sweep["order"], sweep["A_rps"], "o-", **figures.OURS)
-line = {"linestyle": "--", "label": "best threshold of the robots"}
-axis.axhline(best["T"], color=figures.INK, **line)
+axis.axhline(
+    best["T"],
+    color=figures.INK,
+    linestyle="--",
+    label="best threshold of the robots",
+)
 axis.set(xlabel="periods of the torque in a load turn", ylabel="fitted $A$ [rps]")
 workbook.show_figure(
     "table4_disturbance",
@@ -284,7 +300,6 @@ for name, table in tables.items():
         cells[f"{name}.row{row:02d}.sd"] = each.sd_A_rps
 for row, A in enumerate(known["interpolated"], 1):
     cells[f"table3.row{row:02d}.known"] = A
-claims = {"static_reference": (np.nan, "the static measures are not printed")}
 workbook.verdict(
     f"Table 3's known A lie within {off_A.min():.5f} rps of the way "
     f"“{off_A.idxmin()}”, with a measure to {measure_mrad:g} mrad. The mean A of "
@@ -297,7 +312,7 @@ workbook.verdict(
     f"{100 * shaking:.3g} % of gravity makes a joint without backlash look "
     f"excessive at {mistaken.sum()} of {len(sweep)} frequencies.",
     cells,
-    claims,
+    {"static_reference": (np.nan, "the static measures are not printed")},
     tables=tables,
 )
 
@@ -306,7 +321,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'spread = {"load_friction": 0.05}',
         "up to 5 % of gravity as friction on the load: the benches' mean error "
         "grows severalfold",
@@ -314,13 +329,13 @@ workbook.try_changing(
             abs(now.errors["mean"].mean()) > 2 * abs(was.errors["mean"].mean())
         ),
     ),
-    Change(
+    (
         "measure_mrad = 0.01",
         "the backlashes are then those of equation 10 at the printed $A$, and the "
         "interpolation misses by more",
         lambda now, was: now.off_A["interpolated"] > 2 * was.off_A["interpolated"],
     ),
-    Change(
+    (
         "couplings = [0.3]",
         "couplings of 30 % of gravity hide the backlash: the kinds overlap, and "
         "the area falls towards 0.5, guessing",

@@ -5,7 +5,6 @@ from pkgutil import resolve_name
 # What notebooks call; `python -m workbook` needs none of it.
 _MODULE_OF = {
     "ROOT": "project",
-    "Change": "teaching",
     "ParameterError": "parameters",
     "check_answer": "teaching",
     "check_bounds": "parameters",

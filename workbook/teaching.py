@@ -3,7 +3,7 @@
 import ast
 import re
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -74,17 +74,13 @@ def say_path(*names: str) -> None:
     )
 
 
-class Change(NamedTuple):
-    """A change that a student is asked to try, and what it does: a promise, which a test keeps."""
+def try_changing(*changes: tuple[str, str, Callable[[Any, Any], bool]]) -> None:
+    """Show changes that a student is asked to try, and what each does: a promise, which a test keeps.
 
-    code: str  # parameters that are set; or code and what replaces it, with an arrow between them
-    then: str  # what happens, in words
-    holds: Callable[[Any, Any], bool]  # the same, of the names of the changed and unchanged run
-
-
-def try_changing(*changes: Change) -> None:
-    """Show the changes as a list."""
-    say("\n".join(f"{k}. `{each.code}`: {each.then}" for k, each in enumerate(changes, 1)))
+    A change has its code, parameters that are set, or code and what replaces it with an arrow between them; what then
+    happens, in words; and whether it does, of the names of the changed and of the unchanged run.
+    """
+    say("\n".join(f"{k}. `{code}`: {then}" for k, (code, then, _) in enumerate(changes, 1)))
 
 
 def check_answer(answer: Any, expected: Any, to: float = 0.0) -> None:

@@ -14,7 +14,6 @@ import workbook
 from backlash import plots
 from replication import figures, joint, signature
 from studies import datasheet, simulated_joints, standins
-from workbook import Change
 
 workbook.say_times("11_your_own_joint")
 
@@ -96,8 +95,9 @@ if my_log:
 # %%
 drawn = standins.draw_bench(np.random.default_rng(bench_seed))
 gravity_nm = drawn.joint.G
-friction_nm = drawn.joint.load_coulomb + friction_share * gravity_nm
-my_joint = drawn.joint._replace(load_coulomb=friction_nm)
+my_joint = drawn.joint._replace(
+    load_coulomb=drawn.joint.load_coulomb + friction_share * gravity_nm
+)
 backlash_rad = 1e-3 * backlash_mrad
 
 
@@ -139,8 +139,14 @@ small = np.abs(tau_l) < 0.1 * amplitude
 t_ms = 1e3 * my_joint.turn_period / TURN * np.arange(TURN)
 figure, axis = figures.panel(2.6)
 axis.plot(t_ms, tau_l, label="$\\tau_l$", **figures.FIT)
-shade = {"where": small, "color": "0.9", "label": "$\\tau_l$ below 10 %"}
-axis.fill_between(t_ms, -amplitude, amplitude, **shade)
+axis.fill_between(
+    t_ms,
+    -amplitude,
+    amplitude,
+    where=small,
+    color="0.9",
+    label="$\\tau_l$ below 10 %",
+)
 axis.set(xlabel="time in the mean turn [ms]", ylabel="torque less its mean [N m]")
 of_sine_ms = t_ms[1] * TURN * 2 * np.arcsin(0.1) / np.pi
 open_ms = t_ms[1] * small.sum()
@@ -255,10 +261,11 @@ def holds_truth(answer, truth_mrad):
 
 if by_torque.backlash_interval_rad:
     low, high = 1e3 * np.array(by_torque.backlash_interval_rad)
-    holds = "holds" if holds_truth(by_torque, backlash_mrad) else "does not hold"
     finding = (
         f"{by_torque.verdict}, {1e3 * by_torque.backlash_rad:.3f} mrad, whose "
-        f"interval of {low:.3f} to {high:.3f} mrad {holds} the true "
+        f"interval of {low:.3f} to {high:.3f} mrad "
+        f"{'holds' if holds_truth(by_torque, backlash_mrad) else 'does not hold'} "
+        "the true "
         f"{backlash_mrad:g} mrad"
     )
     of_gravity = by_torque.joint["gravity_per_s2"][0] / ratios["G/J_l"]
@@ -286,22 +293,16 @@ else:
 # %%
 healthy = simulated_joints.Fault()
 rng = np.random.default_rng((bench_seed, 5))
-
-
-def keeps_speed(made):
-    speed = simulated_joints.run_turns(made, healthy)[:, 0]
-    return np.abs(speed / made.speed - 1).max() < 0.1
-
-
-swung = None
-while swung is None or not keeps_speed(swung):  # its drive is drawn, too
+off_speed = np.nan
+while not off_speed < 0.1:  # its drive is drawn, too, and may run away
     swung = simulated_joints.draw_joint(rng, backlash_rad, 1.5, 100, 0.1, 0.05)
+    turned = simulated_joints.run_turns(swung, healthy)
+    off_speed = np.abs(turned[:, 0] / swung.speed - 1).max()
 ends_rad = np.radians([-75, 70])  # of the load, from where it hangs
 wanted = simulated_joints.stroke_speeds(swung.speed, ends_rad)
 moved = simulated_joints.follow_path(swung, healthy, ends_rad[0], wanted)
-runs = {"turns": simulated_joints.run_turns(swung, healthy), "strokes": moved}
 by_movement = {}
-for name, seen in runs.items():
+for name, seen in {"turns": turned, "strokes": moved}.items():
     rng = np.random.default_rng((bench_seed, 6))
     recorded = simulated_joints.log_joint(rng, swung, healthy, seen)
     by_movement[name] = datasheet.ask_sensor(recorded)
@@ -395,7 +396,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "backlash_mrad = 0.5",
         "a smaller gap is crossed sooner, so that the torque is near zero for a "
         "shorter time; the interval still holds the truth",
@@ -404,7 +405,7 @@ workbook.try_changing(
             and now.low <= now.backlash_mrad <= now.high
         ),
     ),
-    Change(
+    (
         "gravity_given = 1.1",
         "the fit ends at less than 1.1 times the true gravity, for the log says "
         "that it is smaller, and the estimate grows with it",
@@ -413,7 +414,7 @@ workbook.try_changing(
             and now.by_torque.backlash_rad > was.by_torque.backlash_rad
         ),
     ),
-    Change(
+    (
         "friction_share = 1.2",
         "friction above gravity holds the load on one flank, it never crosses the "
         "gap, and the sensor refuses",

@@ -19,7 +19,6 @@ from replication import characteristic, figures, joint, records
 from replication.best_fit import best_fit
 from replication.signature import TURN
 from studies import standins
-from workbook import Change
 
 workbook.say_times("12_what_a_log_tells")
 
@@ -147,8 +146,8 @@ UNKNOWNS = [
     *standins.VARIED_RATIOS,
 ]
 PRIOR_SD = np.array([0.1, 0.1, 0.1, 0.05, 0.05])  # of the ratios' logarithms
-STEPS = np.array([1e-3, 1e-3, 0.1, *np.full(5, 1e-3)])  # for the slopes
-LOWEST = np.array([0.02, -np.inf, 0.11, *np.full(5, -np.inf)])
+STEPS = np.r_[1e-3, 1e-3, 0.1, np.full(5, 1e-3)]  # for the slopes
+LOWEST = np.r_[0.02, -np.inf, 0.11, np.full(5, -np.inf)]
 
 
 def measure_harmonics(v):  # eleven turns, and the noise of their mean
@@ -178,18 +177,18 @@ def residual(z, c, noise, by_encoder):
     # What is not fitted is as in the paper's joint.
     z = np.append(z, np.zeros(8 - len(z)))
     off = (model(z, by_encoder) - c) / noise
-    return np.concatenate([off.real, off.imag, z[3:] / PRIOR_SD])
+    return np.r_[off.real, off.imag, z[3:] / PRIOR_SD]
 
 
 def slopes(z, *log):
-    here, moved = residual(z, *log), np.diag(STEPS[: len(z)])
-    differences = [residual(z + h, *log) - here for h in moved]
-    return np.array(differences).T / STEPS[: len(z)]
+    here, steps = residual(z, *log), STEPS[: len(z)]
+    differences = [residual(z + h, *log) - here for h in np.diag(steps)]
+    return np.array(differences).T / steps
 
 
 # The phase at which the paper's joint correlates best.
 def guess(delta, c, by_encoder):
-    z = np.array([delta, 0, 0.3, 0, 0, 0, 0, 0])
+    z = np.r_[delta, 0, 0.3, np.zeros(5)]
     spectrum = np.zeros(401, complex)
     spectrum[ORDERS] = c.conj() * model(z, by_encoder)
     z[1] = TURN / 800 * np.fft.irfft(spectrum).argmax()
@@ -304,7 +303,7 @@ summary["bound"] = np.sqrt(2 / np.pi) * size["sd"].mean()
 summary.round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-logs = len({*levels}) * len({*realisations})
+logs = len(rows) // len(summary)
 mean, bound = summary["mean error"], summary["bound"]
 workbook.say(
     f"{mean.idxmin().capitalize()}, {1e3 * mean.min():.0f} µrad; "
@@ -349,17 +348,17 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         "backlash_mrad = 0.4",
         "a smaller gap, with a narrower interval",
         lambda now, was: now.sd_mrad < was.sd_mrad,
     ),
-    Change(
+    (
         "gain_factor = 0.6",
         "a drive that the fit does not know: no joint of this kind fits",
         lambda now, was: now.chance < 1e-3,
     ),
-    Change(
+    (
         "levels = [11]",
         "near the largest backlash equation 10 errs most",
         lambda now, was: now.mean["equation 10"] > 1.5 * was.mean["equation 10"],

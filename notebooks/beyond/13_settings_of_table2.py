@@ -18,7 +18,6 @@ from studies import multiverse as evidence
 from studies import prediction, replay, starts
 from studies.drawings import draw_multiverse
 from studies.realisations import read_realisations
-from workbook import Change
 
 workbook.say_times("13_settings_of_table2")
 
@@ -150,8 +149,8 @@ for end, side in enumerate(("min", "max")):
             bounds = np.array(of_authors)
             moved = shift * (printed.upper - printed.lower)[at]
             bounds[end, at] = printed[end][at] + moved
-            count = count_replayed(Box(*bounds))
-            tried[f"table1.{name}.{side}", shift] = bounds[end, at], count
+            cell = f"table1.{name}.{side}"
+            tried[cell, shift] = bounds[end, at], count_replayed(Box(*bounds))
 replayed = pd.DataFrame(tried, index=["bound", "runs"]).T
 replayed = replayed.rename_axis(["cell", "shift"])
 replayed["runs"].unstack(sort=False).astype(int)
@@ -206,7 +205,7 @@ workbook.say(
 # %%
 peers = workbook.read_kept("peers").set_index("search")
 sizes = {"ours": "ours, population 300", "ours, 600": "ours, population 600"}
-seconds = peers.rename(index=sizes)["seconds_to_99_percent"]
+seconds = peers["seconds_to_99_percent"].rename(sizes)
 seconds = seconds.sort_values(ascending=False)
 figure, axis = figures.panel(0.25 * len(peers) + 0.6)
 axis.semilogx(seconds, seconds.index, "o", **figures.OURS)
@@ -300,8 +299,9 @@ prediction_finding = (
     f"The prediction {'holds' if holds else 'fails'}: {means_met} of {of_means} "
     f"means and {sds_met} of {of_sds} SDs are as predicted"
 )
-shown = ["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_runs"]
-outcome.set_index("row")[shown].round(4)
+outcome.set_index("row")[
+    ["mean_A_rps", "sd_A_rps", "best_A_rps", "best_basin_runs"]
+].round(4)
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
 workbook.say(f"{prediction_finding}.")
@@ -312,8 +312,8 @@ workbook.say(f"{prediction_finding}.")
 # Nothing is corrected for the number of settings. The authors' own may be none of them.
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "verdict"]
-measured = {"random_start": evidence.measure_random_start(multiverse, criteria)}
-claims = measures.write_all(measured)
+random_start = evidence.measure_random_start(multiverse, criteria)
+claims = measures.write_all({"random_start": random_start})
 decided = workbook.decide_all(claims, criteria)
 workbook.verdict(
     f"In this run {same_end.sum()} of {len(ended)} stored runs end at their "
@@ -342,12 +342,12 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'criteria = {"random_start": 0.6}',
         "so strict a limit excludes every drawn start, and the claim does not hold",
         lambda now, was: now.decided["random_start"][0] is False,
     ),
-    Change(
+    (
         "most = 20",
         "with half of the tables of the whole record, the smallest $p$ that they "
         "can give is twice as large",
@@ -356,7 +356,7 @@ workbook.try_changing(
             > 1.9
         ),
     ),
-    Change(
+    (
         "shifts = [0.01]",
         "the bounds of $A$ are not found, because the stored runs had them further "
         "out",

@@ -40,7 +40,6 @@ from replication.records import (
 from studies import claims as measures
 from studies import edge, engine, experiments, hardware, optimizers
 from studies.drawings import draw_margins
-from workbook import Change
 
 workbook.say_times("14_claims")
 
@@ -85,17 +84,19 @@ added = {
     for R in (1, 2)
     for level in range(3, 12)
 }
-smallest_mean = published.value("table2.row01.mean")
 amplitudes = experiments.amplitudes_without_backlash(
     range(1, noises + 1), published.value("table2.row11.noise")
 )
-by_turns = workbook.read_kept("noise_by_turns")
 measured = {
     "uniform_noise": measures.measure_uniform_noise(
         experiments.noise_tests(added.values())
     ),
-    "no_backlash": measures.measure_no_backlash(amplitudes, smallest_mean),
-    "turns_reduce_noise": measures.measure_turns(by_turns),
+    "no_backlash": measures.measure_no_backlash(
+        amplitudes, published.value("table2.row01.mean")
+    ),
+    "turns_reduce_noise": measures.measure_turns(
+        workbook.read_kept("noise_by_turns")
+    ),
 } | measures.measure_public_files()
 of_turns = measures.write_words(
     "turns_reduce_noise", measured["turns_reduce_noise"]
@@ -200,11 +201,11 @@ workbook.say(f"Undecided: {full_robot[1]}.")
 # %%
 claims = measures.write_all(measured) | {"full_robot": full_robot}
 decisions = workbook.decide_all(claims, criteria)
-counts = dict.fromkeys(("holds", "does not hold", "undecided"), 0)
-counts |= workbook.judge(claims=claims, criteria=criteria)["verdict"].value_counts()
+counts = workbook.judge(claims=claims, criteria=criteria)["verdict"].value_counts()
 decided = (
-    f"Of {len(claims)} sentences {counts['holds']} hold, {counts['does not hold']} "
-    f"do not hold, and {counts['undecided']} are undecided"
+    f"Of {len(claims)} sentences {counts.get('holds', 0)} hold, "
+    f"{counts.get('does not hold', 0)} do not hold, and "
+    f"{counts.get('undecided', 0)} are undecided"
 )
 workbook.show_figure(
     "claims_over_limits",
@@ -232,19 +233,19 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'criteria = {"impacts_at_phase_start": 0.1}',
         "a tenth of the phase in place of a quarter: the sentence on the impacts "
         "does not hold",
         lambda now, was: now.decisions["impacts_at_phase_start"][0] is False,
     ),
-    Change(
+    (
         'criteria = {"no_backlash": 0.5}',
         "half of Table 2's smallest mean in place of a quarter: absence is "
         "recognised",
         lambda now, was: now.decisions["no_backlash"][0] is True,
     ),
-    Change(
+    (
         "frictions = [0.005]",
         "so little friction may be disregarded",
         lambda now, was: now.decisions["friction_disregarded"][0] is True,

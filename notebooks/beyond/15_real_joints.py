@@ -10,7 +10,6 @@ import pandas as pd
 
 import workbook
 from studies import hardware
-from workbook import Change
 
 workbook.say_times("15_real_joints")
 
@@ -82,8 +81,8 @@ chosen["reason"] = [answer.reason for answer in answers.values()]
 chosen[["joint", "verdict", "reason"]]
 
 # %% jupyter={"source_hidden": true} tags=["hide-input"]
-commonest = chosen["reason"].value_counts()
-reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest.items())
+commonest = chosen["reason"].value_counts().items()
+reasons = "; ".join(f"{reason}: {count}" for reason, count in commonest)
 workbook.say(f"The reasons: {reasons or 'none'}.")
 
 # %% [markdown]
@@ -150,7 +149,7 @@ workbook.verdict(
 
 # %% jupyter={"source_hidden": true} tags=["hide-input", "promises"]
 workbook.try_changing(
-    Change(
+    (
         'makes = ["printed"]',
         "the gears that turn round, without a load, or swing a small one slowly; "
         "they "
@@ -159,7 +158,7 @@ workbook.try_changing(
             0 < len(now.chosen) < len(was.chosen) and now.refused == len(now.chosen)
         ),
     ),
-    Change(
+    (
         "known_gravity = 10.0",
         "the sensor is given ten times the gravity; no refusal goes away, for "
         "none is for the size of gravity",
@@ -168,7 +167,7 @@ workbook.try_changing(
             and now.known_gravity == 10 * was.known_gravity
         ),
     ),
-    Change(
+    (
         'makes = ["KUKA"]',
         "the axes with a second encoder alone",
         lambda now, was: now.chosen["load_encoder"].all(),
