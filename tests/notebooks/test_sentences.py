@@ -21,6 +21,7 @@ FROZEN = r"""
 00: with a noise of ±0.1 rps 0.458 ± 0.011 mrad
 00: 0.040 mrad, in place of 0.843
 00: mrad for a true backlash of 0.5 mrad; on eight logs
+00: Between the impacts gravity bends the speed, and no damped sine does.
 01: the first impact shown comes 18 ms later
 01: The next one comes 0.200 s after it; half a turn takes 0.2 s
 01: “+ K_p” adds most to the decay, +36 1/s; “+ lag and delay” changes it by -19 1/s
@@ -70,6 +71,7 @@ FROZEN = r"""
 04: a tenth at 130 rps; 5.0 % at 100 rps
 04: Motor speed over four turns of 0.4 s
 04: rings about the commanded 100 rps
+04: the amplitude grows from every level to the next, by
 05: the largest excursions, -1.13 and +1.16 rps, come 0.200 s apart
 05: largest at 0.026 s
 05: After the first turn it reaches 0.20 rps, 0.012 s after
@@ -117,6 +119,7 @@ FROZEN = r"""
 08: "clean_error_high": "+1.7"
 08: "clean_error_mean": "-3.2"
 08: "errors_above_percent": "46"
+08: No: of the runs on row 5
 09: Interpolated: within 0.00005 rps, the other within 0.00250
 09: 2 of 3 printed errors lie among those of 20 other benches, which miss by -7.3 % on average
 09: A of 30 simulated healthy robots
@@ -150,6 +153,8 @@ FROZEN = r"""
 11: no backlash (less than 0.027 mrad, half of the play)
 11: the mean torque, 1.64 of gravity's
 11: log of 1.1 mrad by the torque
+11: Answered: without backlash. Refused, each for its reason: friction above gravity; noise of 5 rps;
+11: a torque of the wrong sign; half of the gear ratio. Answers that do not hold the truth: none.
 12: of the backlash 1.29 times, from 4 to 5.1 µrad
 12: (correlation -0.83)
 12: = 46 for 73 degrees of freedom, p = 0.995
@@ -163,6 +168,7 @@ FROZEN = r"""
 12: that of the known joint by 0.0102 mrad (0.9 times its bound)
 12: 0.0032: sigma
 12: 0.63: both SDs
+12: K_s/J_l resembles the backlash most
 13: misfits of 20 replayed runs
 13: 329 of 335 printed generations agree within 1e-09 rps, and 29 of 30 runs end
 13: end in 4 basins
@@ -187,6 +193,7 @@ FROZEN = r"""
 13: "stored_best": 10
 13: "replayed": 29
 13: "replay_apart": "5e-12"
+13: Soonest: ours, five projected parameters, 600
 14: 0.31, 0.25, 0.77 (each within a factor 1.17, 160 noises)
 14: With 10 % of gravity $A$ changes by -58 %
 14: from 1.1 % of the records' SD at the sharpest edge to 79 % at the softest
@@ -199,6 +206,7 @@ FROZEN = r"""
 14: Error with 12 turns over that with 1 at three backlashes
 14: without play it is 0.1 to 5.0 rps, the largest above that of 4 arms with play.
 14: By torque 0 of 10 logs with play are answered, 0 of 20 wrong.
+14: More often than not: CMA-ES, its own population, restarts doubling it; grid and simplex descents,
 15: The reasons: not constant speed: 12; no gravity in the torque: 4; unusable log: 4; no load reversal seen: 3
 15: 2 of 3 axes have a limit, at most 0.064 mrad
 15: Of 24 logs (joints: 13) the sensor answers 0 and refuses 24
