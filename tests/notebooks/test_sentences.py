@@ -12,7 +12,7 @@ from replication.best_fit import best_fit
 from replication.characteristic import equation_10, printed_rows
 from replication.joint import identified_joint, settled_peak, simulate
 from replication.records import Recording
-from workbook.project import notebook_sources
+from workbook.project import RESULTS, notebook_sources
 
 # What takes the authors' files, drawn logs or minutes to compute, as it was: who changes such a number has to mean it.
 FROZEN = r"""
@@ -21,6 +21,7 @@ FROZEN = r"""
 00: with a noise of ±0.1 rps 0.458 ± 0.011 mrad
 00: 0.040 mrad, in place of 0.843
 00: mrad for a true backlash of 0.5 mrad; on eight logs
+00: Between the impacts gravity bends the speed, and no damped sine does.
 01: the first impact shown comes 18 ms later
 01: The next one comes 0.200 s after it; half a turn takes 0.2 s
 01: “+ K_p” adds most to the decay, +36 1/s; “+ lag and delay” changes it by -19 1/s
@@ -40,7 +41,7 @@ FROZEN = r"""
 03: 11 of 11 fitted ratios come back to the committed ones; the farthest, K_i/J_m, is 0.19 % of its interval's
 03: clamped dead zone: $\alpha$ = 1,000,000; 10,000,000.
 03: steps 10 times as short bring it 10.1 times as near, to 0.05 %
-03: misses 11 records by 1.0 % of their SD on average and 1.6 % at worst;
+03: The identified joint misses 11 records by 1.0 % of their SD on average and 1.6 % at worst;
 03: its peaks differ from the printed $A$ by up to 1.0 %
 03: lie within 2.3 % of the printed $A$ at 9 levels
 03: 10,000 per rad the committed joint misses the records by 40.1 % on average, with a clamped edge by 1.1 %
@@ -48,6 +49,13 @@ FROZEN = r"""
 03: up to 0.000 rps apart
 03: 2.0000: theta_m
 03: three ratios at 1.3 times the committed values
+03: "engine_percent": "0.05"
+03: "engine_step_us": "2.5"
+03: "nrmse_records": 11
+03: "nrmse_used": 4
+03: "nrmse_largest": "1.6"
+03: "nrmse_whole": "2.5"
+03: "peak_error": "1.0"
 04: at each of 10 backlashes
 04: at 20 backlashes
 04: end at 2.1 mrad, the authors' files at 3.9 mrad
@@ -63,6 +71,7 @@ FROZEN = r"""
 04: a tenth at 130 rps; 5.0 % at 100 rps
 04: Motor speed over four turns of 0.4 s
 04: rings about the commanded 100 rps
+04: the amplitude grows from every level to the next, by
 05: the largest excursions, -1.13 and +1.16 rps, come 0.200 s apart
 05: largest at 0.026 s
 05: After the first turn it reaches 0.20 rps, 0.012 s after
@@ -83,6 +92,7 @@ FROZEN = r"""
 06: (RMSE 0.00041 mrad) is at most 0.022 mrad from it
 06: 0.8409 mrad, by equation 10 0.8434
 06: 1.096 rps; it grows by 0.0097 mrad per rpm
+06: "rounding_moves_A0": "1.49"
 07: wrong one, -179 ms from the best start, at 0.97 times its frequency
 07: 12 members
 07: The search ends at 0.259 rps
@@ -105,6 +115,11 @@ FROZEN = r"""
 08: 10 of Table 2's ten printed means and 8 of its ten SDs lie in their intervals
 08: 0.1243 rps; the noise alone has the SD 0.1033
 08: 0.106 rps, 10 % of the printed mean
+08: "clean_error_low": "-6.9"
+08: "clean_error_high": "+1.7"
+08: "clean_error_mean": "-3.2"
+08: "errors_above_percent": "46"
+08: No: of the runs on row 5
 09: Interpolated: within 0.00005 rps, the other within 0.00250
 09: 2 of 3 printed errors lie among those of 20 other benches, which miss by -7.3 % on average
 09: A of 30 simulated healthy robots
@@ -138,6 +153,8 @@ FROZEN = r"""
 11: no backlash (less than 0.027 mrad, half of the play)
 11: the mean torque, 1.64 of gravity's
 11: log of 1.1 mrad by the torque
+11: Answered: without backlash. Refused, each for its reason: friction above gravity; noise of 5 rps;
+11: a torque of the wrong sign; half of the gear ratio. Answers that do not hold the truth: none.
 12: of the backlash 1.29 times, from 4 to 5.1 µrad
 12: (correlation -0.83)
 12: = 46 for 73 degrees of freedom, p = 0.995
@@ -151,6 +168,7 @@ FROZEN = r"""
 12: that of the known joint by 0.0102 mrad (0.9 times its bound)
 12: 0.0032: sigma
 12: 0.63: both SDs
+12: K_s/J_l resembles the backlash most
 13: misfits of 20 replayed runs
 13: 329 of 335 printed generations agree within 1e-09 rps, and 29 of 30 runs end
 13: end in 4 basins
@@ -171,6 +189,11 @@ FROZEN = r"""
 13: With the best of five searches 8 tables with drawn starts lie 6.3 % below (the nearest 4.92 %),
 13: with one search 15.8 %; of the former 0 come as near
 13: Of Table 1's 18 bounds 12 are those of the stored runs, 4 differ, 2 cannot be tested. Read
+13: "stored_runs": 30
+13: "stored_best": 10
+13: "replayed": 29
+13: "replay_apart": "5e-12"
+13: Soonest: ours, five projected parameters, 600
 14: 0.31, 0.25, 0.77 (each within a factor 1.17, 160 noises)
 14: With 10 % of gravity $A$ changes by -58 %
 14: from 1.1 % of the records' SD at the sharpest edge to 79 % at the softest
@@ -183,6 +206,7 @@ FROZEN = r"""
 14: Error with 12 turns over that with 1 at three backlashes
 14: without play it is 0.1 to 5.0 rps, the largest above that of 4 arms with play.
 14: By torque 0 of 10 logs with play are answered, 0 of 20 wrong.
+14: More often than not: CMA-ES, its own population, restarts doubling it; grid and simplex descents,
 15: The reasons: not constant speed: 12; no gravity in the torque: 4; unusable log: 4; no load reversal seen: 3
 15: 2 of 3 axes have a limit, at most 0.064 mrad
 15: Of 24 logs (joints: 13) the sensor answers 0 and refuses 24
@@ -197,12 +221,13 @@ FROZEN = r"""
 
 @cache
 def read_text(name):
-    """What an executed notebook says and prints."""
+    """What an executed notebook says and prints, and what it leaves for the report."""
     (source,) = [path for each, path in notebook_sources().items() if each.startswith(name)]
     executed = nbformat.read(source.with_suffix(".ipynb"), as_version=4)
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
     texts = [each.get("text") or each["data"].get("text/markdown", "") for each in outputs]
-    return "\n".join(texts)
+    left = RESULTS / "outcomes" / f"{source.stem}.json"
+    return "\n".join([*texts, left.read_text("utf-8")])
 
 
 def assert_says(name, expected):
