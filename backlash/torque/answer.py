@@ -426,10 +426,10 @@ def _quantities(
         (_up_to_gravity(best.theta + move), _up_to_gravity(best.theta - move)) for move in moves
     ]
     slope[STIFFNESS] = [(ahead - back)[STIFFNESS] / 2e-6 for ahead, back in ends]
-    errors = np.array([each.error for each in TABLE])
+    errors, shares = np.array([(each.error, each.share) for each in TABLE]).T
     weight = _weigh(best, rivals, scale)
     spread = weight @ (values - values[0]) ** 2 / weight.sum()
-    sd = np.sqrt(np.diag(slope @ covariance @ slope.T) + spread + errors**2)
+    sd = np.sqrt(shares**2 * np.diag(slope @ covariance @ slope.T) + spread + errors**2)
     theta = values[0] - np.log(gear_ratio) * (np.arange(len(TABLE)) == INERTIA)  # J_m of N J_m
     value = np.where(IS_LOGARITHM, np.exp(theta), theta)
     of_value = np.where(IS_LOGARITHM, value * sd, sd)

@@ -22,6 +22,7 @@ class Unknown(NamedTuple):
     sd_below_zero: float = math.nan  # of what cannot be negative: small, yet smooth for a descent
     printed: str = ""  # what it is called in the answer
     error: float = 0.0  # SD that the model's errors add to the printed one's
+    share: float = 1.0  # of the SD by noise, in which the model's error counts, that joints' printed ones have
 
 
 # Joints ring at 10 to 50 Hz with damping ratios of 0.01 to 0.1 and load friction below a third of gravity. Strain wave
@@ -82,6 +83,7 @@ TABLE = (
     Unknown(
         *("loss", "1", "mu, the gear's loss over the contact torque", 0.05, 0.15, 0.1),
         printed="loss",
+        share=0.75,
     ),
     Unknown(
         *("filter_ms", "ms", "low-pass of the torque's log", 0.0, 3.0, 2.0, 0.3),
