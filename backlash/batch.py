@@ -202,11 +202,12 @@ def run_batch(
     jobs: int = -1,
     journal: Path | None = None,
     figures: Path | None = None,
+    held: type[Exception] = Exception,
 ) -> Iterator[Numbered]:
     """Examine the logs of `read_batch`; their numbers and answers come in any order.
 
     Answers are written into a journal, by which a run goes on where another was interrupted. Of each answer that has a
-    fit a figure is written into a folder, or as the file that is named.
+    fit a figure is written into a folder, or as the file that is named. An error that is held makes an answer.
     """
     if jobs == 0 or jobs < -1:
         raise Refusal(f"--jobs {jobs}: give -1 or a number above 0")
@@ -218,8 +219,6 @@ def run_batch(
             yield number, replace(earlier[key], file=name_of(rows.pop(number)["file"]))
     if len(rows) < (_WORTH_PROCESSES if jobs < 0 else 2):
         jobs = 1
-    # Defects of one log alone are told as such.
-    held = Exception if len(batch) > 1 else Refusal
     each = _examine_each(rows, jobs, partial(_examine_one, given, figures, held))
     for number, answer in tqdm(each, total=len(rows), unit="log", disable=None, leave=False):
         yield number, answer
@@ -232,7 +231,8 @@ def _key(row: Row, given: Mapping[str, Any]) -> str:
     """What the answer on a log in its present state is kept under."""
     path = Path(os.path.realpath(name_of(row["file"])))
     state = (path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None
-    return str(joblib.hash((__version__, path, state, row, given)))
+    asked = [row.get(name) for name in (*GIVEN, BEYOND, NO_DATE)]
+    return str(joblib.hash((__version__, path, state, asked, given)))
 
 
 def read_journal(journal: Path) -> dict[str, Estimate]:
@@ -279,7 +279,7 @@ def _examine_one(
     name = name_of(row["file"])
     with warnings.catch_warnings(action="ignore"):  # of libraries, in a process of its own
         try:
-            with naming(name):
+            with naming(f"the table of logs, {name}"):
                 request = request_for({**given, **options_of(row)})
             answer = estimates.examine(row["file"], request)
         except held as error:
@@ -288,7 +288,7 @@ def _examine_one(
             kind = "" if isinstance(error, Refusal) else f"{name}: {type(error).__name__}: "
             why = f"{kind}{error}"
             if not row.get("is_quoted", True):
-                asked = repr((given, row))
+                asked = repr([*given.values(), *row.values()])
                 why = _QUOTED.sub(lambda text: text[0] if text[0] in asked else "'...'", why)
             answer = refused(row["file"], why)
         if figures and answer.trace:

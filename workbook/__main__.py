@@ -4,7 +4,6 @@ What a command needs is imported when it runs: `check` needs no kernel, and `run
 """
 
 import argparse
-import contextlib
 import io
 import os
 import sys
@@ -27,6 +26,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     options = vars(parser.parse_args(arguments))
     end_with_make()
+    if sys.stdout is None:
+        print("the standard output is closed; send it to a file or to /dev/null", file=sys.stderr)
+        return 2
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # which may take ASCII only
             stream.reconfigure(errors="replace")
@@ -51,15 +53,18 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def end_with_make() -> None:
-    """End this process with the make that MAKE_PID names, in whatever way that ends."""
+    """End this process when the make that MAKE_PID names is no more."""
     process = int(os.environ.get("MAKE_PID", 0))  # 0: this process's own group, which lives
 
     def watch() -> None:
-        with contextlib.suppress(ProcessLookupError):
+        try:
             while True:
                 os.kill(process, 0)
                 time.sleep(0.5)
-        os._exit(1)
+        except ProcessLookupError:
+            os._exit(1)
+        except PermissionError:  # another user's process has its number
+            return
 
     threading.Thread(target=watch, daemon=True).start()
 

@@ -115,6 +115,8 @@ def judge_here() -> tuple[Said, set[str], dict[str, str]]:
 def compare_results(made_here: set[str]) -> tuple[list[str], Said]:
     """List what changed since the commit; and of what is made its SHA-256, is it the `same`, and was it `made_here`."""
     committed = {*_list("ls-files", "-z", *MADE, f":!results/{KEPT_SHA256}")}
+    if not committed:  # in another project's clone
+        raise UserError(f"{ROOT}: no clone with a commit: git has nothing of it")
     changed = {*_list("diff", "-z", "--name-only", "--relative", "HEAD")}
     changed |= {*_list("ls-files", "-z", "-o", "--exclude-standard")}
     results = {
@@ -130,14 +132,14 @@ def compare_results(made_here: set[str]) -> tuple[list[str], Said]:
 
 def check_data() -> dict[str, str]:
     """Say of each file of public data why it is not the registered one; "" where it is."""
-    registered, fetch = find_hook("checksums", dict)(), find_hook("fetch")
-    try:
-        return {
-            name: "" if sha256(fetch(name)) == expected else f"{name} is not the registered one"
-            for name, expected in registered.items()
-        }
-    except UserError as error:
-        return dict.fromkeys(registered, str(error))
+    said, fetch = {}, find_hook("fetch")
+    for name, expected in find_hook("checksums", dict)().items():
+        try:
+            is_same = sha256(fetch(name)) == expected
+            said[name] = "" if is_same else f"{name} is not the registered one"
+        except UserError as error:
+            said[name] = str(error)
+    return said
 
 
 def make_row_again(table: str) -> str:
@@ -155,9 +157,10 @@ def _git(*arguments: str) -> str:
     """What git says of this folder, which may lie in another one's clone."""
     command = ["git", *arguments]
     try:
-        return subprocess.check_output(command, cwd=ROOT, stderr=subprocess.DEVNULL, text=True)
+        return subprocess.check_output(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
     except (OSError, subprocess.CalledProcessError) as error:
-        raise UserError(f"{ROOT}: no clone with a commit to compare with ({error})") from error
+        why = str(getattr(error, "stderr", error)).partition("\n")[0]
+        raise UserError(f"{ROOT}: no clone with a commit to compare with ({why})") from error
 
 
 def _list(*arguments: str) -> list[str]:
@@ -178,7 +181,8 @@ def count_grades(numbers: Said, here: list[str], is_here: bool) -> str:
     """Count printed numbers by how they agree: those of notebooks that ran here, or the others."""
     of = [each for each in numbers.values() if (each["notebook"] in ("", *here)) == is_here]
     counts = Counter(each["grade"] for each in of)  # "": needs no run
-    return ", ".join(f"{counts[grade]} {grade}" for grade in judging.GRADES)
+    told = (f"{counts[grade]} {grade}" for grade in judging.GRADES)
+    return ", ".join(told) if counts else "none"
 
 
 def write_certificate(about: dict[str, Any]) -> str:

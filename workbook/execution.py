@@ -95,7 +95,7 @@ def run(source: Path) -> str:
 
 
 def find_source(file: Path) -> Path:
-    """Find a notebook of the project by the file of its source, whichever links lead there."""
+    """Find a notebook of the project by the file of its source."""
     source = notebook_sources().get(file.stem)
     if source is None or source.resolve() != file.resolve():
         raise UserError(f"{file}: give the .py source of a notebook of {ROOT}")
@@ -167,7 +167,7 @@ def _execute_into(destination: Path, source: Path, warning: str = "") -> None:
     notebook.metadata = {"kernelspec": KERNEL, HASH: cells_sha256(notebook)}
     if warning:
         notebook.cells.insert(0, new_markdown_cell(warning, id="records"))
-    with TemporaryDirectory(dir=ROOT / ".make") as folder:
+    with TemporaryDirectory(dir=ROOT / ".make", ignore_cleanup_errors=True) as folder:
         staging = Path(folder)
         os.environ |= {"REPLICATION_OUT": folder, "REPLICATION_NOTEBOOK": source.stem}
         execute(notebook, source, ROOT / ".make" / f"{source.stem}.failed.ipynb")
@@ -241,7 +241,7 @@ def find_stderr(notebook: NotebookNode) -> str:
 def explain_failure(error: Exception) -> str:
     """Say in a line why a cell, or the kernel, did not end well."""
     if isinstance(error, DeadKernelError):
-        return "the kernel died: out of memory?"
+        return "the kernel died: killed, out of memory, or a crash in compiled code?"
     words = str(error)
     if isinstance(error, CellExecutionError):
         words = f"{error.ename}: {error.evalue}"

@@ -23,6 +23,7 @@ LOCK = Path("requirements.lock")
 MARK = VENV / "all.lock"  # the lock but for uv, by which .venv is ours
 INSTALLERS = re.compile("(pip|setuptools|uv)==")
 OF_UV = re.compile(r"^uv==(?:.*\\\n)*.*\n", re.MULTILINE)
+ELSEWHERE = ("PIP_TARGET", "PIP_PREFIX", "PIP_ROOT", "PIP_PYTHON")
 BASE = ("--requirement", "pyproject.toml", "--extra", "plot", "--extra", "xlsx")
 CONSOLE = """#!/bin/sh
 exec "$(dirname -- "$(readlink -f -- "$0")")/python" -m backlash "$@"
@@ -36,7 +37,11 @@ def main(stamp: Path) -> None:
     made_from = [Path("pyproject.toml"), LOCK, *([] if is_base else [VENV / ".installed"])]
     Path(".make").mkdir(exist_ok=True)
     with Path(".make", "install.lock").open("wb") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print("Another make installs into .venv: waiting for it", flush=True)
+            fcntl.flock(lock, fcntl.LOCK_EX)
         newest = max(file.stat().st_mtime_ns for file in made_from)
         if SITE.is_dir() and stamp.exists() and stamp.stat().st_mtime_ns >= newest:
             return
@@ -117,8 +122,9 @@ def run_pip(lock: Path) -> bool:
 
 
 def run(command: list[str]) -> bool:
-    """Whether a command ends well."""
-    return subprocess.call(command) == 0
+    """Whether a command ends well; no variable of the user's has it put anything elsewhere."""
+    variables = {name: value for name, value in os.environ.items() if name not in ELSEWHERE}
+    return subprocess.call(command, env=variables) == 0
 
 
 def find_lacking(group: str) -> str:

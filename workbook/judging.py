@@ -12,9 +12,8 @@
 """
 
 import math
-import re
 from collections.abc import Iterator, Mapping
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from itertools import chain
 from typing import Any
 
@@ -38,7 +37,6 @@ CONSISTENT = "the paper's own numbers"  # a source, whose numbers show that the 
 NOT_TESTED = ("stand-in", "taken over")
 GRADES = ("agrees", "agrees weakly", "consistent", "differs", "not tested")
 CLAIM_VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
-NUMBER = re.compile(r"-?[\d.]+(e-?\d+)?%?")
 
 Criteria = Mapping[str, float] | None  # limits to try in place of those of the table, by claim
 Measured = Mapping[str, tuple[Any, str]]  # by claim what its rule compares, and in words
@@ -62,12 +60,13 @@ def like_printed(value: float, printed: str, more: int = 0) -> str:
     """Write our number with the digits of the printed one, or with more: as asked, or where that shows nothing."""
     if math.isnan(value):
         return ""
-    if not (number := NUMBER.fullmatch(printed)):
+    try:
+        digits = Decimal(printed.rstrip("%"))
+    except InvalidOperation:
         return f"{value:.4g}"
-    if number[1]:
+    if "e" in printed.lower():
         return f"{value:.2e}"
-    decimals = len(printed.rstrip("%").partition(".")[2])
-    text = f"{value:.{decimals + more}f}"
+    text = f"{value:.{max(0, -int(digits.as_tuple().exponent)) + more}f}"
     return text if abs(float(text) - value) <= 0.02 * abs(value) else f"{value:.3g}"
 
 
@@ -153,7 +152,7 @@ def verdicts() -> pd.DataFrame:
     cells = read_table("cells")
     ours = collect("cells", ["source", "numbers"]).reindex(cells.index)
     table = judge_numbers(ours.fillna({"source": cells["source"], "notebook": ""}))
-    is_lacking = table["reproduced"].isna() & (table["expected"] != "taken over")
+    is_lacking = ~np.isfinite(table["reproduced"]) & (table["expected"] != "taken over")
     for cell in table.index[is_lacking]:
         raise UserError(f"{cell}: no notebook has computed it; make all runs them")
     return table

@@ -23,14 +23,18 @@ def load_ipython_extension(shell: Any) -> None:
     """Prepare a kernel that has this file as an extension."""
     end_with_run()
     # Else the first figure of a checkout says on stderr that a list of fonts is made.
-    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
+    fonts = logging.getLogger("matplotlib.font_manager")
+    fonts.addFilter(lambda record: "building the font cache" not in record.getMessage())
     note_reads(Path(os.environ["REPLICATION_OUT"], READ))
     for stream in (sys.stdout, sys.stderr):
         bound_output(stream, sys.stderr.write)
 
 
 def end_with_run() -> None:
-    """Kill this kernel and its workers when the process that started it has ended, however it did."""
+    """Kill this kernel and its workers when the process that started it has ended, however it did.
+
+    In compiled code, when that returns.
+    """
     parent = int(os.environ["JPY_PARENT_PID"])
 
     def watch() -> None:
@@ -66,9 +70,9 @@ def note_reads(notes: Path) -> None:
 
 
 def read_notes(notes: Path) -> dict[str, str]:
-    """SHA-256 of what was read, by name."""
+    """SHA-256 of what was read, by name, as it was when it was read first."""
     lines = notes.read_text("utf-8").splitlines() if notes.exists() else []
-    return dict(line.rsplit(" ", 1) for line in lines)
+    return dict(line.rsplit(" ", 1) for line in reversed(lines))
 
 
 def bound_output(stream: Any, complain: Callable[[str], Any]) -> None:

@@ -194,7 +194,12 @@ def make_report() -> dict[Path, bytes]:
         Something is missing that the report is made from.
     """
     verdicts, claims = judging.verdicts(), judging.claims()
-    page, status = render(describe(verdicts, claims))
+    try:
+        described = describe(verdicts, claims)
+    except (ValueError, LookupError) as error:
+        why = f"{type(error).__name__}: {error}; is a table damaged? git checkout brings it back"
+        raise UserError(f"{RESULTS}: the report cannot be made from it ({why})") from error
+    page, status = render(described)
     text, count = STATUS.subn(lambda _: f"{status}\n", read_committed(README, str))
     if count != 1:
         raise UserError(

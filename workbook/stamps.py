@@ -147,7 +147,7 @@ def refuse_faults() -> None:
     """
     sources = notebook_sources()
     outcomes = {file.stem for file in (RESULTS / "outcomes").glob("*.json")}
-    for name in outcomes - sources.keys():
+    for name in sorted(outcomes - sources.keys()):
         raise UserError(
             f"{record_name(name)}: no notebook makes it; git checkout brings the notebook "
             "back, or delete it"
@@ -189,10 +189,14 @@ def find_why_due(name: str) -> str:
 def find_due() -> list[Path]:
     """Find the sources of notebooks that are due, the longest first, as a table of times has them."""
     times = RESULTS / "notebook_times.csv"
-    lines = read_committed(times, str.splitlines) if times.exists() else []
-    seconds = {row["notebook"]: float(row["seconds"]) for row in csv.DictReader(lines)}
+    seconds = read_committed(times, _read_times) if times.exists() else {}
     due = [source for name, source in notebook_sources().items() if find_why_due(name)]
     return sorted(due, key=lambda source: -seconds.get(source.stem, 0))
+
+
+def _read_times(text: str) -> dict[str, float]:
+    rows = csv.DictReader(text.splitlines())
+    return {row["notebook"]: float(row["seconds"]) for row in rows}
 
 
 def drop_stale_caches() -> None:

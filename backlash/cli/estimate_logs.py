@@ -76,7 +76,10 @@ def run(options: argparse.Namespace) -> int:
         library("matplotlib", "plot")
         options.plots.mkdir(exist_ok=True)
     journal = options.out.with_name(f"{options.out.name}.kept") if options.out else None
-    each = run_batch(logs, given, options.jobs, journal, options.plots or options.plot)
+    figures = options.plots or options.plot
+    # A defect on one log alone is told as one of the program.
+    held = Exception if count > 1 or options.json or options.jsonl or options.out else Refusal
+    each = run_batch(logs, given, options.jobs, journal, figures, held)
     # "joint" holds the joint's quantities.
     named = logs.filter(KEYS).rename(columns={"joint": "joint_name"}).astype("string").fillna("")
     objects = named.to_dict("records")

@@ -35,8 +35,8 @@ _WRONG = (
     "wrong load data, an arm whose own resonance, 6 to 15 Hz, shows in the torque (as in most logs of wrists), a "
     'belt, an error of the gear, a torque logged late; "too noisy", "two backlashes fit", too few turns or samples. '
     "Often not seen are wrong load data that fit nevertheless, and an error of the gear that is sampled too slowly: "
-    'compare the printed stiffness, efficiency and friction with the data sheet. Without a torque the answer is "no '
-    "torque\", with the paper's index A: compare it only with logs of the same joint in the same movement. "
+    "compare what is printed of stiffness, efficiency and friction with the data sheet. Without a torque the answer is "
+    '"no torque", with the paper\'s index A: compare it only with logs of the same joint in the same movement. '
 )
 _TORQUE = (
     "--torque with --gear-ratio, --motor-inertia, --load-mass and --load-arm, or with --inertia-ratio and --gravity. "

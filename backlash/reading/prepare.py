@@ -111,7 +111,7 @@ def take_samples(frame: pd.DataFrame, samples: Samples) -> Samples:
         counts = [f"{name} (in {frame[name].count():,} rows)" for name in needed]
         raise Refusal(
             f"{' and '.join(counts)} stand in {len(table)} rows together; log all at the same instants, for "
-            f"{limits.LEAST_TURNS} load turns (a workbook's formulas stand in none until a program saves it)"
+            f"{limits.LEAST_TURNS} load turns"
         )
     if options.rate_hz:
         t = np.flatnonzero(is_whole) / options.rate_hz

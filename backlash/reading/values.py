@@ -45,12 +45,13 @@ def find_zeros(name: str, signal: FloatArray) -> Found:
         )
 
 
-def _single_strays(name: str, signal: FloatArray, limit: float, deviations: float = 0.0) -> Found:
-    """Samples that are too far from their neighbours, also in usual deviations, if few enough to be single ones."""
+def _single_strays(name: str, signal: FloatArray, limit: float) -> Found:
+    """Samples that are too far from their neighbours and beyond the noise, if few enough to be single ones."""
     usual = median_filter(signal, 5, mode="nearest")
     away = np.abs(signal - usual)
-    strays = np.flatnonzero(away > max(limit, deviations * np.median(away)))
-    if 0 < strays.size <= limits.MOST_SINGLE * signal.size:
+    is_far = away > limit
+    strays = np.flatnonzero(is_far & (away > limits.STRAY_DEVIATIONS * np.median(away)))
+    if strays.size and is_far.mean() <= limits.MOST_SINGLE:
         first, beside = signal[strays[0]], usual[strays[0]]
         yield (
             strays,
@@ -62,7 +63,7 @@ def find_strays(name: str, signal: FloatArray) -> Found:
     """Single samples of the torque that stand out of all others."""
     if name == "torque":
         reach = limits.STRAY * np.ptp(np.quantile(signal, _NEARLY_ALL))
-        for strays, words in _single_strays(name, signal, reach, limits.STRAY_DEVIATIONS):
+        for strays, words in _single_strays(name, signal, reach):
             yield strays, f"{words}; mend them, or leave their cells empty"
 
 

@@ -22,7 +22,9 @@ class Unknown(NamedTuple):
     sd_below_zero: float = math.nan  # of what cannot be negative: small, yet smooth for a descent
     printed: str = ""  # what it is called in the answer
     error: float = 0.0  # SD that the model's errors add to the printed one's
-    share: float = 1.0  # of the SD by noise, in which the model's error counts, that joints' printed ones have
+    share: float = (
+        1.0  # of the SD by noise, in which the model's error counts, that joints' printed ones have
+    )
 
 
 # Joints ring at 10 to 50 Hz with damping ratios of 0.01 to 0.1 and load friction below a third of gravity. Strain wave

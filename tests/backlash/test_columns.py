@@ -108,4 +108,4 @@ def test_numbers_of_columns_are_the_files_whatever_these_hold(tmp_path):
     log = read(path, speed="4", torque="6")
     np.testing.assert_allclose(60 * log.recording.v, log.torque, atol=1e-3)
     assert "speed 'speed [rps] (4)' [rps], torque 'moment'" in str(log.columns)
-    assert "5 (in 0 rows) stand in 0 rows" in refusal(path, speed="5", unit="rps")
+    assert "'5' is empty in all 2,401 rows" in refusal(path, speed="5", unit="rps")

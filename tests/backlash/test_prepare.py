@@ -131,6 +131,9 @@ SOUND = {
     "a torque that is at its limit for six samples": frame(
         torque=changed(TORQUE, slice(700, 706), TORQUE.max())
     ),
+    "a noisy speed with one far sample": frame(
+        changed(V + RNG.normal(0, 3.6, T.size), 700, V.mean() + 32)
+    ),
     "a speed of so many far samples that they are its noise": frame(
         V
         + RNG.normal(0, 3.4, T.size)

@@ -54,6 +54,12 @@ def test_where_nothing_ran_nothing_is_certified(clone):
         certificate.certify()
 
 
+def test_in_the_clone_of_another_project_nothing_is_certified(clone):
+    git(clone, "rm", "-r", "-q", "--cached", ".")
+    with pytest.raises(UserError, match="git has nothing of it"):
+        certificate.certify()
+
+
 def test_where_one_notebook_ran_the_others_and_their_numbers_stand_apart(clone):
     stamps.stamp_file(NAMES[1]).unlink()
     _, differences, page = certified()
@@ -74,7 +80,7 @@ def test_where_all_ran_to_the_same_bytes_there_is_no_difference(clone):
     assert len(about["summary"]["commit"]) == 40
     assert "| notebooks run here with this code | 2 of 2, 24 s in sum, 1" in page
     assert "| made here and the same | 7 of 7 files" in page
-    assert "| printed numbers, by committed outcomes | 0 agrees, 0" in page
+    assert "| printed numbers, by committed outcomes | none |" in page
     assert "- no difference\n" in page
 
 

@@ -1,5 +1,6 @@
 """Installation: only an environment that is ours is replaced, and a stamp says what is there in the locked version."""
 
+import fcntl
 import os
 import re
 import tomllib
@@ -100,6 +101,27 @@ def test_a_stamp_is_set_only_where_what_it_promises_is_there(installed, monkeypa
     with pytest.raises(SystemExit, match=r"^\.venv: workbook is not there in the locked version"):
         install.main(stamp)
     assert not stamp.exists()
+
+
+def test_a_second_make_waits_and_finds_what_the_first_has_installed(installed, monkeypatch, capsys):
+    installs, stamp = installed
+    os.utime("pyproject.toml", (2**32, 2**32))
+
+    def lock(file, how):
+        if how & fcntl.LOCK_NB:
+            raise BlockingIOError
+        os.utime(stamp, (2**32, 2**32))
+
+    monkeypatch.setattr(fcntl, "flock", lock)
+    install.main(stamp)
+    assert "waiting" in capsys.readouterr().out
+    assert not installs.called
+
+
+def test_what_sends_packages_elsewhere_reaches_no_installer(monkeypatch):
+    monkeypatch.setenv("PIP_TARGET", "elsewhere")
+    monkeypatch.setenv("PIP_PROXY", "a-proxy")
+    assert install.run(["sh", "-c", '[ "$PIP_TARGET$PIP_PROXY" = a-proxy ]'])
 
 
 def test_every_group_of_the_project_is_in_the_lock_and_what_pip_gets_is_all_but_uv():

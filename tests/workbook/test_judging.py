@@ -63,9 +63,13 @@ def test_too_few_realisations_test_nothing(size, verdict):
 
 
 @pytest.mark.parametrize("name", ["04_growth_figure11", "09_stand_ins_tables3_4"])
-def test_a_number_that_is_missing_is_refused_that_of_a_stand_in_too(name, monkeypatch):
+@pytest.mark.parametrize(
+    "more", [lambda row: [], lambda row: [row | {"numbers": math.inf}]], ids=["none", "infinite"]
+)
+def test_a_number_that_is_missing_is_refused_that_of_a_stand_in_too(name, more, monkeypatch):
     outcomes = load_outcomes()
     row = outcomes[name]["cells"].pop(0)
+    outcomes[name]["cells"] += more(row)
     monkeypatch.setattr(judging, "load_outcomes", lambda: outcomes)
     with pytest.raises(UserError, match=rf"{row['id']}: no notebook has computed it; make all"):
         judging.verdicts()

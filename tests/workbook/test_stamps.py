@@ -53,6 +53,12 @@ def test_an_input_or_a_result_that_is_gone_or_another_makes_its_notebook_due_or_
         stamps.refuse_faults()
 
 
+def test_a_damaged_table_of_times_is_one_line(made):
+    write_text(made / "results" / "notebook_times.csv", "notebook,seconds\n01_one,many\n")
+    with pytest.raises(UserError, match=r"notebook_times\.csv.*many"):
+        stamps.find_due()
+
+
 def test_a_new_module_makes_it_due_and_a_setting_too(made, work_on):
     (made / "tools" / "more.py").touch()
     assert stamps.find_due()
