@@ -23,6 +23,8 @@ from tests.backlash.test_torque_answer import (
 )
 
 RATIO, GRAVITY = 100.0, 30.0
+# Backlash [rad], chi squared, and the backlash's interval.
+KNOWN = (1.0455257991e-3, 0.58186980678, 8.9062501517e-4, 1.1733629698e-3)
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +138,8 @@ def test_what_is_compared_is_the_same_whatever_a_logs_last_bits_are(drawn):
     np.testing.assert_array_equal(one.prior.mean, other.prior.mean)
 
 
-def test_under_other_kernels_the_answer_is_the_same_to_1e_9(answered):
+def test_the_answer_is_the_known_one_to_1e_9_and_under_other_kernels(answered):
+    assert numbers_of(answered.to_dict()) == pytest.approx(KNOWN, rel=1e-9)
     drawn = "draw_log(np.random.default_rng((83, 0)), DELTA, 0.1, 0.05, ranges=TO_AND_FRO)"
     [there] = answers_under_other_kernels(f"[answer({drawn})]")
     assert numbers_of(there) == pytest.approx(numbers_of(answered.to_dict()), rel=1e-9)
