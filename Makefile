@@ -22,7 +22,8 @@ help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
 
 # Two notebooks at a time, the longest first; one that fails keeps neither the others nor the report from being made, but
-# make from ending well. What this make starts, sub-makes and kernels too, ends with it, in whatever way it ends.
+# make from ending well. What this make starts, sub-makes and kernels too, ends with it, in whatever way it ends; a kernel
+# in compiled code when that returns.
 all: .venv/.installed  ## every notebook, figure, table and verdict, and the report
 	@due=$$($(RUN) due) || exit; export MAKE_PID=$$PPID; \
 	test -z "$$due" || $(MAKE) --no-print-directory --keep-going --jobs 2 $$due; failed=$$?; \
